@@ -1,0 +1,30 @@
+//! From a scene to sequences: a path tracer that records, for every pixel, the
+//! progressive estimates S_1 … S_N of its radiance.
+//!
+//! Data flow one way: [`Scene::load`] reads OBJ, MTL and the TOML sidecar;
+//! [`render()`] traces paths and accumulates a [`nst_core::SequenceBatch`];
+//! [`sequence_file`] and [`film`] read and write EXR and PNG.
+//!
+//! Lanes are planar: lane = channel · width · height + y · width + x, with the
+//! channels R, G, B in linear sRGB primaries and y counted from the top.
+
+mod accelerator;
+mod camera;
+mod error;
+mod exr_file;
+pub mod film;
+mod light;
+mod load;
+pub mod output;
+mod path;
+mod render;
+mod sampler;
+mod scene;
+pub mod sequence_file;
+mod sidecar;
+
+pub use camera::{Camera, PixelFilter};
+pub use error::Error;
+pub use render::{FOLDS, Keep, RenderSettings, Rendering, VARIANCE, fold_name, render};
+pub use sampler::{RandomSampler, SampleStream};
+pub use scene::{Material, Scene, Triangle};

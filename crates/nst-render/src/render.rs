@@ -1,0 +1,251 @@
+//! Accumulates radiance samples into each pixel's sequence.
+
+use std::{
+    sync::{Mutex, PoisonError},
+    time::{Duration, Instant},
+};
+
+use glam::Vec2;
+use ndarray::Array2;
+use nst_core::SequenceBatch;
+use rayon::prelude::*;
+
+use crate::{Error, PixelFilter, RandomSampler, Scene, camera::Projection, path::PathTracer};
+
+/// How many folds the samples of a pixel are split into: sample i belongs to fold i mod 4.
+pub const FOLDS: usize = 4;
+
+/// The side channel that holds the estimated variance of S_N.
+pub const VARIANCE: &str = "Variance";
+
+/// The side channel that holds the mean of a fold.
+#[must_use]
+pub fn fold_name(fold: usize) -> String {
+    format!("fold{fold}")
+}
+
+/// Which terms of each pixel's sequence to keep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Keep {
+    /// The last so many.
+    Window(u32),
+    /// All: S_1 … S_N.
+    All,
+}
+
+/// How to render, as opposed to what.
+#[derive(Clone, Copy, Debug)]
+pub struct RenderSettings {
+    /// Samples per pixel, at least 1.
+    pub spp: u32,
+    /// Seed of the sampler; different seeds give independent renderings.
+    pub seed: u64,
+    /// The terms to keep.
+    pub keep: Keep,
+}
+
+/// What [`render()`] returns.
+#[derive(Clone, Debug)]
+pub struct Rendering {
+    /// The kept terms, the fold means (where spp ≥ [`FOLDS`]) and the variance of
+    /// S_N (where spp ≥ 2); three planar channels of lanes.
+    pub batch: SequenceBatch,
+    /// How long it took, the acceleration structure included.
+    pub time: Duration,
+}
+
+/// Pixels along the side of a tile, the unit of work.
+const TILE: u32 = 16;
+const CHANNELS: usize = 3;
+
+/// Renders a scene. The result depends on the scene and the settings alone, not
+/// on the number of threads. `progress` is called with the number of paths of
+/// each tile that is done.
+///
+/// # Errors
+/// [`Error::Settings`] if there are no samples, no pixels, or more than 2³¹ lanes.
+pub fn render(
+    scene: &Scene,
+    settings: &RenderSettings,
+    progress: &(dyn Fn(u64) + Sync),
+) -> Result<Rendering, Error> {
+    let start = Instant::now();
+    let [width, height] = scene.size;
+    let pixels = u64::from(width) * u64::from(height);
+    if settings.spp == 0 || pixels == 0 {
+        return Err(Error::Settings(format!(
+            "nothing to render: {width}x{height} pixels with {} samples each",
+            settings.spp
+        )));
+    }
+    if pixels * CHANNELS as u64 > 1 << 31 {
+        return Err(Error::Settings(format!("{width}x{height} pixels are too many")));
+    }
+
+    let planes = Planes::new(settings);
+    let pixels = pixels as usize;
+    let lanes = CHANNELS * pixels;
+    let result = Mutex::new(vec![0.0_f32; planes.count() * lanes]);
+    let frame = Frame {
+        tracer: PathTracer::new(scene),
+        projection: Projection::new(&scene.camera, scene.size),
+        sampler: RandomSampler::new(settings.seed),
+        filter: scene.pixel_filter,
+        width,
+        planes,
+    };
+    let tiles_x = width.div_ceil(TILE);
+    (0..tiles_x * height.div_ceil(TILE)).into_par_iter().for_each(|tile| {
+        let tile = Tile::new(tile % tiles_x, tile / tiles_x, width, height);
+        let values = frame.tile(&tile);
+        let mut result = result.lock().unwrap_or_else(PoisonError::into_inner);
+        // Both are [plane][channel][pixel].
+        for (image, values) in result.chunks_exact_mut(pixels).zip(values.chunks_exact(tile.pixels())) {
+            for (y, row) in (tile.y..).zip(values.chunks_exact(tile.width as usize)) {
+                let first = (y * width + tile.x) as usize;
+                image[first..][..row.len()].copy_from_slice(row);
+            }
+        }
+        drop(result);
+        progress(tile.pixels() as u64 * u64::from(settings.spp));
+    });
+    let result = result.into_inner().unwrap_or_else(PoisonError::into_inner);
+    Ok(Rendering { batch: planes.batch(result, lanes)?, time: start.elapsed() })
+}
+
+/// Which numbers are recorded per lane, in this order: the kept terms, the fold
+/// means, the variance.
+#[derive(Clone, Copy)]
+struct Planes {
+    spp: u32,
+    /// Terms are kept from this sample count on.
+    first_term: u32,
+}
+
+impl Planes {
+    fn new(settings: &RenderSettings) -> Self {
+        let spp = settings.spp;
+        let first_term = match settings.keep {
+            Keep::All => 1,
+            Keep::Window(length) => (spp + 1).saturating_sub(length.max(1)).max(1),
+        };
+        Self { spp, first_term }
+    }
+
+    fn terms(&self) -> usize {
+        (self.spp - self.first_term + 1) as usize
+    }
+
+    fn folds(&self) -> usize {
+        if self.spp as usize >= FOLDS { FOLDS } else { 0 }
+    }
+
+    fn count(&self) -> usize {
+        self.terms() + self.folds() + usize::from(self.spp >= 2)
+    }
+
+    /// Splits `[plane][lane]` into terms and side channels.
+    fn batch(&self, mut planes: Vec<f32>, lanes: usize) -> Result<SequenceBatch, Error> {
+        let names = (0..self.folds()).map(fold_name).chain([VARIANCE.to_owned()]);
+        let names: Vec<_> = names.take(self.count() - self.terms()).collect();
+        // From the end, so that the terms stay where they are.
+        let split = |plane: usize| planes.split_off(plane * lanes);
+        let sides: Vec<_> = (self.terms()..self.count()).rev().map(split).collect();
+        let terms = Array2::from_shape_vec((self.terms(), lanes), planes)
+            .map_err(|error| Error::Settings(error.to_string()))?;
+        let mut batch = SequenceBatch::new(terms, (self.first_term..=self.spp).collect())?;
+        for (name, values) in names.into_iter().zip(sides.into_iter().rev()) {
+            batch.set_side(&name, values)?;
+        }
+        Ok(batch)
+    }
+}
+
+/// A rectangle of pixels.
+struct Tile {
+    x: u32,
+    y: u32,
+    width: u32,
+    height: u32,
+}
+
+impl Tile {
+    fn new(column: u32, row: u32, width: u32, height: u32) -> Self {
+        let (x, y) = (column * TILE, row * TILE);
+        Self { x, y, width: TILE.min(width - x), height: TILE.min(height - y) }
+    }
+
+    fn pixels(&self) -> usize {
+        (self.width * self.height) as usize
+    }
+}
+
+struct Frame<'a> {
+    tracer: PathTracer<'a>,
+    projection: Projection,
+    sampler: RandomSampler,
+    filter: PixelFilter,
+    width: u32,
+    planes: Planes,
+}
+
+impl Frame<'_> {
+    /// The recorded numbers of a tile: `[plane][channel][pixel]`.
+    fn tile(&self, tile: &Tile) -> Vec<f32> {
+        let pixels = tile.pixels();
+        let mut values = vec![0.0; self.planes.count() * CHANNELS * pixels];
+        for i in 0..pixels {
+            let (x, y) = (tile.x + i as u32 % tile.width, tile.y + i as u32 / tile.width);
+            self.pixel(x, y, |plane, rgb| {
+                for (channel, value) in rgb.into_iter().enumerate() {
+                    values[(plane * CHANNELS + channel) * pixels + i] = value as f32;
+                }
+            });
+        }
+        values
+    }
+
+    /// Samples one pixel and hands each of its planes to `record`. Sums are in
+    /// f64: the differences between late terms are far below their size.
+    fn pixel(&self, x: u32, y: u32, mut record: impl FnMut(usize, [f64; CHANNELS])) {
+        let Planes { spp, first_term } = self.planes;
+        let mut sum = [0.0; CHANNELS];
+        let mut squares = [0.0; CHANNELS];
+        let mut folds = [[0.0; CHANNELS]; FOLDS];
+        for index in 0..spp {
+            let sample = self.sample(x, y, index);
+            for c in 0..CHANNELS {
+                sum[c] += sample[c];
+                squares[c] += sample[c] * sample[c];
+                folds[index as usize % FOLDS][c] += sample[c];
+            }
+            let n = index + 1;
+            if n >= first_term {
+                record((n - first_term) as usize, sum.map(|s| s / f64::from(n)));
+            }
+        }
+        let mut plane = self.planes.terms();
+        for (fold, sum) in folds.iter().enumerate().take(self.planes.folds()) {
+            let count = (spp as usize - fold).div_ceil(FOLDS) as f64;
+            record(plane, sum.map(|s| s / count));
+            plane += 1;
+        }
+        if spp >= 2 {
+            // (Σy² − (Σy)²/N) / (N (N − 1)); rounding may take it below zero.
+            let n = f64::from(spp);
+            let variance = |c: usize| (squares[c] - sum[c] * sum[c] / n).max(0.0) / (n * (n - 1.0));
+            record(plane, [0, 1, 2].map(variance));
+        }
+    }
+
+    fn sample(&self, x: u32, y: u32, index: u32) -> [f64; CHANNELS] {
+        let mut samples = self.sampler.stream(y * self.width + x, index);
+        let within = match self.filter {
+            PixelFilter::Box => samples.next_2d(),
+            PixelFilter::Center => Vec2::splat(0.5),
+        };
+        let direction = self.projection.direction(Vec2::new(x as f32, y as f32) + within);
+        let radiance = self.tracer.radiance(self.projection.origin, direction, &mut samples);
+        radiance.to_array().map(f64::from)
+    }
+}
