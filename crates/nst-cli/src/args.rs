@@ -1,0 +1,239 @@
+//! What the user types.
+
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand, ValueEnum};
+use nst_core::BUILTIN;
+use nst_render::PixelFilter;
+
+/// Monte Carlo renderings that converge faster: neural sequence transformation.
+#[derive(Debug, Parser)]
+#[command(version)]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    Render(RenderArgs),
+    Transform(TransformArgs),
+    Bench(BenchArgs),
+}
+
+/// Render a scene, transform each pixel's sequence, write EXR and PNG.
+#[derive(Debug, clap::Args)]
+pub(crate) struct RenderArgs {
+    /// OBJ file; its MTL files and a TOML sidecar of the same name are read with it.
+    #[arg(long, value_name = "OBJ")]
+    pub(crate) scene: PathBuf,
+    /// Samples per pixel.
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) spp: u32,
+    /// Picture to write; a PNG is written beside it. [default: the scene's name, in this folder]
+    #[arg(short, long, value_name = "EXR", value_parser = exr_path)]
+    pub(crate) output: Option<PathBuf>,
+    /// Also store the sequence, for `nst transform`.
+    #[arg(long, value_name = "EXR", value_parser = exr_path)]
+    pub(crate) sequence: Option<PathBuf>,
+    /// Which terms of the sequence to store.
+    #[arg(long, value_enum, default_value_t, requires = "sequence")]
+    pub(crate) keep: KeepArg,
+    /// Film size in pixels, as in 512x512. [default: the scene's]
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    pub(crate) size: Option<[u32; 2]>,
+    /// Seed of the random numbers; runs with different seeds are independent.
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Path vertices after the camera that may scatter or emit. [default: the scene's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) max_depth: Option<u32>,
+    /// Where in a pixel samples are taken.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) pixel: PixelArg,
+    #[command(flatten)]
+    pub(crate) method: MethodArgs,
+    #[command(flatten)]
+    pub(crate) common: CommonArgs,
+}
+
+/// Transform a stored sequence.
+#[derive(Debug, clap::Args)]
+pub(crate) struct TransformArgs {
+    /// Sequence file, as written by `nst render --sequence`.
+    #[arg(value_name = "EXR")]
+    pub(crate) sequence: PathBuf,
+    /// Picture to write. [default: beside the sequence, ending in .nst.exr]
+    #[arg(short, long, value_name = "EXR", value_parser = exr_path)]
+    pub(crate) output: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) method: MethodArgs,
+    #[command(flatten)]
+    pub(crate) common: CommonArgs,
+}
+
+/// Measure methods side by side.
+#[derive(Debug, clap::Args)]
+pub(crate) struct BenchArgs {
+    #[command(subcommand)]
+    pub(crate) bench: Bench,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Bench {
+    Scene(BenchSceneArgs),
+}
+
+/// Render a scene with several seeds; compare each method with a reference.
+#[derive(Debug, clap::Args)]
+pub(crate) struct BenchSceneArgs {
+    /// OBJ file.
+    #[arg(long, value_name = "OBJ")]
+    pub(crate) scene: PathBuf,
+    /// EXR picture whose R, G, B are taken for the truth; it sets the film size.
+    #[arg(long, value_name = "EXR")]
+    pub(crate) reference: PathBuf,
+    /// Sample counts to render with.
+    #[arg(long, value_delimiter = ',', default_values_t = [8, 16, 32, 64], value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) spp: Vec<u32>,
+    /// Independent renderings per sample count.
+    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) runs: u32,
+    /// Seed of the first run; the others follow.
+    #[arg(long, default_value_t = 1_000_000)]
+    pub(crate) seed: u64,
+    /// Methods to compare: `auto`, or names of built-in networks; `none` always is.
+    #[arg(long, value_name = "METHOD", value_delimiter = ',', default_value = "auto", value_parser = transform)]
+    pub(crate) transform: Vec<TransformArg>,
+    /// What evaluates networks.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) backend: BackendArg,
+    /// CSV file to write.
+    #[arg(short, long, value_name = "CSV")]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) common: CommonArgs,
+}
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct MethodArgs {
+    /// `auto`, `none`, or the name of a built-in network. `auto` takes the network
+    /// that was trained on this very scene, else none.
+    #[arg(long, value_name = "METHOD", default_value = "auto", value_parser = transform)]
+    pub(crate) transform: TransformArg,
+    /// Use the network of this safetensors file.
+    #[arg(long, value_name = "FILE", conflicts_with = "transform")]
+    pub(crate) weights: Option<PathBuf>,
+    /// What evaluates the network. `auto`: a hardware GPU if there is one, else the CPU.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) backend: BackendArg,
+}
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct CommonArgs {
+    /// Threads to use. [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) threads: Option<u16>,
+    /// Print nothing but errors.
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
+    /// Print the summary as one JSON object.
+    #[arg(long, conflicts_with = "quiet")]
+    pub(crate) json: bool,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum KeepArg {
+    /// The last terms, as many as the network reads.
+    #[default]
+    Window,
+    /// All terms, from one sample on.
+    All,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PixelArg {
+    /// Uniformly, which smooths edges.
+    #[default]
+    Box,
+    /// At the centre, as in the paper.
+    Center,
+}
+
+impl From<PixelArg> for PixelFilter {
+    fn from(arg: PixelArg) -> Self {
+        match arg {
+            PixelArg::Box => Self::Box,
+            PixelArg::Center => Self::Center,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BackendArg {
+    /// A hardware GPU if there is one, else the CPU.
+    #[default]
+    Auto,
+    /// The first adapter, a software one if there is no other.
+    Gpu,
+    /// The CPU.
+    Cpu,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum TransformArg {
+    Auto,
+    None,
+    /// The name of a network in [`BUILTIN`].
+    Builtin(&'static str),
+}
+
+fn transform(text: &str) -> Result<TransformArg, String> {
+    let builtin = BUILTIN.iter().map(|&(name, _)| name);
+    match text {
+        "auto" => Ok(TransformArg::Auto),
+        "none" => Ok(TransformArg::None),
+        _ => builtin.clone().find(|&name| name == text).map(TransformArg::Builtin).ok_or_else(|| {
+            let names: Vec<_> = ["auto", "none"].into_iter().chain(builtin).collect();
+            format!("known methods are {}", names.join(", "))
+        }),
+    }
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    text.split_once('x')
+        .and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]))
+        .filter(|size| !size.contains(&0))
+        .ok_or_else(|| "a size is two numbers above 0, as in 512x512".to_owned())
+}
+
+fn exr_path(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    match path.extension() {
+        Some(extension) if extension.eq_ignore_ascii_case("exr") => Ok(path),
+        _ => Err("the name must end in .exr".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Args::command().debug_assert();
+    }
+
+    #[test]
+    fn sizes_and_methods() {
+        assert_eq!(size("640x480"), Ok([640, 480]));
+        for bad in ["640", "640x", "0x3", "-1x3", "1x2x3"] {
+            assert!(size(bad).is_err(), "{bad}");
+        }
+        assert_eq!(transform("cornell"), Ok(TransformArg::Builtin("cornell")));
+        assert!(transform("Cornell").is_err_and(|error| error.contains("families")));
+        assert!(exr_path("x.png").is_err());
+    }
+}

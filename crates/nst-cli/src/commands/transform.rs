@@ -1,0 +1,44 @@
+//! `nst transform`: a stored sequence → transformation → picture.
+
+use nst_core::Estimates;
+use nst_render::{VARIANCE, film, output::OutputFile, sequence_file::SequenceFile};
+
+use super::set_threads;
+use crate::{
+    args::TransformArgs,
+    error::Error,
+    method::Method,
+    summary::{Stopwatch, timed},
+};
+
+pub(crate) fn run(args: &TransformArgs) -> Result<(), Error> {
+    set_threads(&args.common)?;
+    let mut watch = Stopwatch::start();
+    let file = timed(&mut watch.io, || SequenceFile::read(&args.sequence))?;
+    let batch = &file.batch;
+    let samples = batch.sample_counts().last().copied().unwrap_or_default();
+    let method = Method::resolve(&args.method, &file.scene, samples)?;
+    let (window, terms) = (method.transform.window(), batch.sample_counts().len());
+    if terms < window {
+        return Err(Error::Usage(format!(
+            "'{}' holds {terms} terms, but network '{}' reads {window}; store more of them with \
+             'nst render --keep all'",
+            args.sequence.display(),
+            method.name
+        )));
+    }
+
+    let output = args.output.clone().unwrap_or_else(|| args.sequence.with_extension("nst.exr"));
+    let mut exr = OutputFile::create(&output)?;
+    let mut estimates = Estimates::default();
+    timed(&mut watch.transform, || method.transform.apply(batch, &mut estimates))?;
+    timed(&mut watch.io, || {
+        let mut layers = vec![("S", batch.last())];
+        layers.extend(batch.side(VARIANCE).map(|variance| (VARIANCE, variance)));
+        film::write_exr(&mut exr, file.size, estimates.values(), &layers)?;
+        exr.commit()
+    })?;
+    let written = vec![output.display().to_string()];
+    watch.summary(None, &method, &estimates, written).print(&args.common);
+    Ok(())
+}

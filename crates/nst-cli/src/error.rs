@@ -1,0 +1,20 @@
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+/// Why a command failed, in words for the user.
+#[derive(Debug, Error)]
+pub(crate) enum Error {
+    #[error(transparent)]
+    Render(#[from] nst_render::Error),
+    #[error(transparent)]
+    Core(#[from] nst_core::Error),
+    #[error("weights '{}': {source}", path.display())]
+    Weights { path: PathBuf, source: nst_core::Error },
+    #[error("cannot write '{}': {source}", path.display())]
+    Csv { path: PathBuf, source: csv::Error },
+    #[error("--backend gpu: {0}; --backend cpu needs none")]
+    Gpu(nst_core::Error),
+    #[error("{0}")]
+    Usage(String),
+}

@@ -1,0 +1,29 @@
+//! `nst`: renders scenes, and transforms sequences of Monte Carlo estimates.
+
+mod args;
+mod commands;
+mod error;
+mod method;
+mod summary;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use args::{Args, Command};
+
+fn main() -> ExitCode {
+    let args = Args::parse();
+    let result = match &args.command {
+        Command::Render(args) => commands::render::run(args),
+        Command::Transform(args) => commands::transform::run(args),
+        Command::Bench(args) => commands::bench::run(args),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! What a command says when it is done.
+
+use std::{
+    fmt,
+    time::{Duration, Instant},
+};
+
+use nst_core::{Estimates, Status};
+use serde::Serialize;
+
+use crate::{args::CommonArgs, method::Method};
+
+/// The times and counts of a job; `--json` prints it as it is.
+#[derive(Debug, Serialize)]
+pub(crate) struct Summary {
+    render_seconds: Option<f64>,
+    transform_seconds: f64,
+    io_seconds: f64,
+    total_seconds: f64,
+    paths_per_second: Option<f64>,
+    backend: &'static str,
+    adapter: Option<String>,
+    transform: String,
+    lanes: usize,
+    lanes_skipped: usize,
+    lanes_fallen_back: usize,
+    #[serde(skip)]
+    reason: String,
+    #[serde(skip)]
+    written: Vec<String>,
+}
+
+/// A rendering's part of the summary.
+pub(crate) struct RenderStats {
+    pub(crate) time: Duration,
+    pub(crate) paths: u64,
+}
+
+/// Collects the times of a job as it goes along.
+pub(crate) struct Stopwatch {
+    start: Instant,
+    pub(crate) transform: Duration,
+    pub(crate) io: Duration,
+}
+
+impl Stopwatch {
+    pub(crate) fn start() -> Self {
+        Self { start: Instant::now(), transform: Duration::ZERO, io: Duration::ZERO }
+    }
+
+    pub(crate) fn summary(
+        &self,
+        render: Option<RenderStats>,
+        method: &Method,
+        estimates: &Estimates,
+        written: Vec<String>,
+    ) -> Summary {
+        Summary {
+            render_seconds: render.as_ref().map(|render| render.time.as_secs_f64()),
+            transform_seconds: self.transform.as_secs_f64(),
+            io_seconds: self.io.as_secs_f64(),
+            total_seconds: self.start.elapsed().as_secs_f64(),
+            paths_per_second: render
+                .as_ref()
+                .map(|render| render.paths as f64 / render.time.as_secs_f64()),
+            backend: method.backend,
+            adapter: method.adapter.clone(),
+            transform: method.name.clone(),
+            lanes: estimates.values().len(),
+            lanes_skipped: estimates.count(Status::Constant),
+            lanes_fallen_back: estimates.fallen_back(),
+            reason: method.reason.clone(),
+            written,
+        }
+    }
+}
+
+/// Runs `work` and adds the time it took to `total`.
+pub(crate) fn timed<T>(total: &mut Duration, work: impl FnOnce() -> T) -> T {
+    let start = Instant::now();
+    let result = work();
+    *total += start.elapsed();
+    result
+}
+
+impl Summary {
+    pub(crate) fn print(&self, args: &CommonArgs) {
+        if args.json {
+            println!("{}", serde_json::to_string(self).expect("numbers and strings serialise"));
+        } else if !args.quiet {
+            println!("{self}");
+        }
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let (Some(seconds), Some(rate)) = (self.render_seconds, self.paths_per_second) {
+            writeln!(f, "render     {seconds:.2} s, {:.2} M paths/s", rate / 1e6)?;
+        }
+        writeln!(f, "transform  {} ({})", self.transform, self.reason)?;
+        if self.transform != "none" {
+            let on = self.adapter.as_deref().unwrap_or("CPU");
+            writeln!(
+                f,
+                "           {:.3} s on {on}: {} lanes, {} constant, {} fallen back to S",
+                self.transform_seconds, self.lanes, self.lanes_skipped, self.lanes_fallen_back
+            )?;
+        }
+        writeln!(f, "wrote      {} ({:.2} s)", self.written.join(", "), self.io_seconds)?;
+        write!(f, "total      {:.2} s", self.total_seconds)
+    }
+}
