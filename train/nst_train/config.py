@@ -1,0 +1,154 @@
+"""The TOML file that describes one training run.
+
+Every key is required, so that a config tells the whole story of the weights that it produced.
+"""
+
+import difflib
+import math
+import re
+import tomllib
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, get_args, get_origin
+
+from nst_train.errors import UserError
+from nst_train.families import FAMILIES
+from nst_train.losses import LOSSES
+
+
+@dataclass(frozen=True)
+class FamiliesData:
+    """One-dimensional integrands with known integrals (section 4.1)."""
+
+    kind: str
+    families: list[str]
+    runs: int
+    terms: int
+
+
+@dataclass(frozen=True)
+class RendersData:
+    """Pixels of a scene, rendered by `nst` (section 4.3)."""
+
+    kind: str
+    scene: str  # OBJ file, relative to the root of the repository
+    size: list[int]  # width, height
+    runs: int
+    evaluation_runs: int
+    terms: int  # samples per pixel of each run
+    reference_spp: int
+    first_seed: int  # training runs take the seeds from here, then evaluation runs, then the reference
+
+
+@dataclass(frozen=True)
+class Config:
+    """One training run."""
+
+    name: str
+    seed: int
+    window: int  # M, terms that the network sees
+    hidden: list[int]
+    loss: str
+    epsilon: float  # ε of equations 5 and 9
+    epochs: int
+    batch_size: int  # integrands per batch
+    learning_rate: float
+    terms_per_step: int  # how many n of window..terms are drawn for each batch; 0 = all
+    data: FamiliesData | RendersData
+    text: str  # the file itself
+
+
+DATA_KINDS = {"families": FamiliesData, "renders": RendersData}
+
+
+def load(path: Path) -> Config:
+    """Reads and checks a config."""
+    try:
+        text = path.read_text(encoding="utf-8")
+        table = tomllib.loads(text)
+    except OSError as error:
+        raise UserError(f"{path}: cannot read the config: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UserError(f"{path}: not a TOML file: {error}") from error
+    try:
+        return parse(table, text)
+    except UserError as error:
+        raise UserError(f"{path}: {error}") from error
+
+
+def parse(table: dict[str, Any], text: str) -> Config:
+    """Checks a parsed TOML table; `text` is the file that it came from."""
+    data = table.get("data")
+    if not isinstance(data, dict):
+        raise UserError("missing table [data]")
+    kind = data.get("kind")
+    if kind not in DATA_KINDS:
+        raise UserError(f"data.kind = {kind!r}: expected one of {', '.join(DATA_KINDS)}")
+    parsed = _read(DATA_KINDS[kind], data, "data.")
+    config = _read(Config, table, "", data=parsed, text=text)
+    _check_ranges(config)
+    return config
+
+
+def _read(cls: type, table: dict[str, Any], prefix: str, **given: Any) -> Any:
+    """Makes a `cls` of `table`, with the fields in `given` already parsed."""
+    types = {field.name: field.type for field in fields(cls) if field.name != "text"}
+    for key in table:
+        if key not in types:
+            nearest = difflib.get_close_matches(key, types, n=1, cutoff=0.0)[0]
+            raise UserError(f"unknown key '{prefix}{key}'; did you mean '{prefix}{nearest}'?")
+    for key, expected in types.items():
+        if key in given:
+            continue
+        if key not in table:
+            raise UserError(f"missing key '{prefix}{key}'")
+        if not _has_type(table[key], expected):
+            name = expected if get_args(expected) else expected.__name__
+            raise UserError(f"{prefix}{key} = {table[key]!r}: expected {name}")
+    return cls(**(table | given))
+
+
+def _has_type(value: Any, expected: Any) -> bool:
+    if isinstance(value, bool):  # an int to Python, but not to TOML
+        return False
+    if get_origin(expected) is list:
+        (item,) = get_args(expected)
+        return isinstance(value, list) and all(_has_type(v, item) for v in value)
+    if expected is float:
+        return isinstance(value, (int, float))
+    return isinstance(value, expected)
+
+
+def _check_ranges(config: Config) -> None:
+    data = config.data
+
+    def require(holds: bool, key: str, requirement: str) -> None:
+        if not holds:
+            owner, name = (data, key[5:]) if key.startswith("data.") else (config, key)
+            raise UserError(f"{key} = {getattr(owner, name)!r}: must be {requirement}")
+
+    require(re.fullmatch(r"[\w-]+", config.name) is not None, "name", "letters, digits, '-' or '_'")
+    require(0 <= config.seed < 2**63, "seed", "0 or more, below 2^63")
+    require(config.window >= 2, "window", "2 or more")
+    require(
+        bool(config.hidden) and min(config.hidden) >= 1, "hidden", "a list of widths, each 1 or more"
+    )
+    require(config.loss in LOSSES, "loss", f"one of {', '.join(LOSSES)}")
+    require(0 < config.epsilon < math.inf, "epsilon", "a positive number")
+    require(config.epochs >= 1, "epochs", "1 or more")
+    require(config.batch_size >= 1, "batch_size", "1 or more")
+    require(0 < config.learning_rate < math.inf, "learning_rate", "a positive number")
+    require(data.runs >= 1, "data.runs", "1 or more")
+    require(data.terms >= config.window, "data.terms", f"at least the window, {config.window}")
+    points = data.terms - config.window + 1
+    require(0 <= config.terms_per_step <= points, "terms_per_step", f"0 (all) to {points}")
+
+    if isinstance(data, FamiliesData):
+        known = bool(data.families) and set(data.families) <= set(FAMILIES)
+        require(known, "data.families", f"a list of {', '.join(FAMILIES)}")
+        require(len(set(data.families)) == len(data.families), "data.families", "without repeats")
+    else:
+        require(len(data.size) == 2 and min(data.size) >= 1, "data.size", "[width, height]")
+        require(data.evaluation_runs >= 1, "data.evaluation_runs", "1 or more")
+        require(data.reference_spp > data.terms, "data.reference_spp", f"more than {data.terms}")
+        require(data.first_seed >= 0, "data.first_seed", "0 or more")

@@ -1,0 +1,55 @@
+"""Sequences of progressive estimates, stored `[integrand, run, term]`."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Sequences:
+    """Independent runs of S_1 … S_N for a number of integrands, and the values they converge to.
+
+    For a rendering, an integrand is one channel of one pixel.
+    """
+
+    estimates: Tensor  # [integrand, run, term], S_n at index n - 1
+    reference: Tensor  # [integrand], I
+
+
+@dataclass(frozen=True)
+class Data:
+    """What a network is trained on, and what it is scored on."""
+
+    training: Sequences
+    held_out: dict[str, Sequences]  # by the name they have in metrics.csv
+    trained_on: str  # for the metadata of the weights
+
+
+def progressive_means(samples: np.ndarray) -> Tensor:
+    """S_n = mean of the first n samples (equation 1), along the last axis; summed in f64."""
+    counts = np.arange(1, samples.shape[-1] + 1)
+    means = np.cumsum(samples, axis=-1, dtype=np.float64) / counts
+    return torch.from_numpy(means.astype(np.float32))
+
+
+def windows(estimates: Tensor, window: int) -> Tensor:
+    """The network's inputs (section 3.1): S_{n-M+1} … S_n, oldest first, for n = M … N.
+
+    `[…, term]` becomes a view `[…, n - M, M]`.
+    """
+    return estimates.unfold(-1, window, 1)
+
+
+def mean_squared_errors(estimates: Tensor, reference: Tensor) -> Tensor:
+    """Equations 3 and 4: the squared error averaged over runs, `[integrand, n]`."""
+    return (estimates - reference[:, None, None]).square().mean(dim=1)
+
+
+def concatenate(parts: list[Sequences]) -> Sequences:
+    """All integrands of `parts`, in order."""
+    return Sequences(
+        estimates=torch.cat([part.estimates for part in parts]),
+        reference=torch.cat([part.reference for part in parts]),
+    )

@@ -1,0 +1,89 @@
+"""Weights files: safetensors with metadata, format `nst-weights-1`."""
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import safetensors
+import safetensors.torch
+import torch
+
+from nst_train.errors import UserError
+from nst_train.model import NEGATIVE_SLOPE, Mlp
+
+FORMAT = "nst-weights-1"
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a network comes from; every field becomes a string in the metadata."""
+
+    trained_on: str  # comma-separated, "family:step" or "scene:<fingerprint>"
+    samples: str  # the n it was trained on, "8..64"
+    loss: str
+    epochs: int
+    seed: int
+    config: str  # the whole TOML file
+
+
+def save(path: Path, model: Mlp, provenance: Provenance) -> None:
+    """Writes f32 weights; the same network and provenance give the same bytes."""
+    architecture = {
+        "format": FORMAT,
+        "kind": "mlp",
+        "window": model.window,
+        "inputs": "window",
+        "activation": "leaky_relu",
+        "negative_slope": NEGATIVE_SLOPE,
+    }
+    metadata = {key: str(value) for key, value in (architecture | asdict(provenance)).items()}
+    save_tensors(path, model.state_dict(), metadata)
+
+
+def save_tensors(path: Path, tensors: dict[str, torch.Tensor], metadata: dict[str, str]) -> None:
+    """Writes a safetensors file with a sorted header; the old file stays until the new one is whole."""
+    tensors = {name: tensor.detach().contiguous() for name, tensor in tensors.items()}
+    unfinished = path.with_name(path.name + ".part")
+    unfinished.write_bytes(_sort_header(safetensors.torch.save(tensors, metadata)))
+    os.replace(unfinished, path)
+
+
+def _sort_header(blob: bytes) -> bytes:
+    """The library writes metadata in an order that changes from run to run."""
+    size = int.from_bytes(blob[:8], "little")
+    header = json.dumps(json.loads(blob[8 : 8 + size]), sort_keys=True, separators=(",", ":"))
+    encoded = header.encode()
+    encoded += b" " * (-len(encoded) % 8)  # the tensors stay aligned to 8 bytes
+    return len(encoded).to_bytes(8, "little") + encoded + blob[8 + size :]
+
+
+def load_tensors(path: Path) -> tuple[dict[str, torch.Tensor], dict[str, str]]:
+    """The tensors and the metadata of a safetensors file."""
+    if not path.is_file():
+        raise UserError(f"{path}: no such file")
+    try:
+        with safetensors.safe_open(path, framework="pt") as file:
+            tensors = {name: file.get_tensor(name) for name in file.keys()}
+            return tensors, file.metadata() or {}
+    except safetensors.SafetensorError as error:
+        raise UserError(f"{path}: not a safetensors file: {error}") from error
+
+
+def load(path: Path) -> tuple[Mlp, dict[str, str]]:
+    """The network in a weights file, and the file's metadata."""
+    tensors, metadata = load_tensors(path)
+    if metadata.get("format") != FORMAT:
+        raise UserError(f"{path}: format is {metadata.get('format')!r}, expected {FORMAT!r}")
+    biases = [tensors.get(f"layers.{i}.bias") for i in range(len(tensors) // 2)]
+    if not biases or any(bias is None for bias in biases):
+        raise UserError(f"{path}: expected tensors layers.0.weight, layers.0.bias, …")
+    if not all(tensor.isfinite().all() for tensor in tensors.values()):
+        raise UserError(f"{path}: a weight is NaN or infinite")
+    try:
+        model = Mlp(int(metadata["window"]), [len(bias) for bias in biases[:-1]])
+        model.load_state_dict(tensors)
+    except (KeyError, ValueError, RuntimeError) as error:
+        reason = " ".join(str(error).split())
+        raise UserError(f"{path}: the tensors do not fit the metadata: {reason}") from error
+    return model, metadata
