@@ -74,8 +74,9 @@ pub fn compare(a: Estimate<'_>, b: Estimate<'_>) -> Comparison {
             result.exact_failures += usize::from(!same);
             continue;
         }
-        // A NaN is no small relative error.
-        if !(va.max(vb).sqrt() <= MAX_RELATIVE_ERROR * ma.max(mb)) {
+        // False for a NaN.
+        let certain = va.max(vb).sqrt() <= MAX_RELATIVE_ERROR * ma.max(mb);
+        if !certain {
             result.left_out += 1;
             continue;
         }
@@ -126,7 +127,8 @@ mod tests {
         let mean: Vec<f32> = (0..1000).map(|i| 0.5 + 1e-3 * (i as f32).sin()).collect();
         let flat = [0.5_f32; 1000];
         let same = |mean: &[f32], variance: &[f32]| {
-            compare(Estimate { mean, variance }, Estimate { mean: &flat, variance: &[1e-6; 1000] }).same()
+            compare(Estimate { mean, variance }, Estimate { mean: &flat, variance: &[1e-6; 1000] })
+                .same()
         };
         assert!(same(&mean, &variance));
         // One lane by 8 standard errors.
@@ -138,7 +140,11 @@ mod tests {
         assert!(!same(&all, &variance));
         // A lane without variance on either side.
         let exact = |mean| {
-            compare(Estimate { mean: &[mean], variance: &[0.0] }, Estimate { mean: &[0.0], variance: &[0.0] }).same()
+            compare(
+                Estimate { mean: &[mean], variance: &[0.0] },
+                Estimate { mean: &[0.0], variance: &[0.0] },
+            )
+            .same()
         };
         assert!(exact(0.0) && !exact(1e-6));
     }

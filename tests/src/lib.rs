@@ -102,7 +102,9 @@ pub fn random_network(widths: &[usize], seed: u64) -> Network {
         .map(|(&inputs, &outputs)| {
             let bound = (6.0 / inputs as f32).sqrt();
             Layer {
-                weight: Array2::from_shape_simple_fn((outputs, inputs), || symmetric(&mut samples) * bound),
+                weight: Array2::from_shape_simple_fn((outputs, inputs), || {
+                    symmetric(&mut samples) * bound
+                }),
                 bias: Array1::from_shape_simple_fn(outputs, || symmetric(&mut samples)),
             }
         })

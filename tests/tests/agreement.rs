@@ -70,7 +70,8 @@ fn pytorch_fixtures() {
         }
         fixtures += 1;
         let network = Arc::new(Network::read(&path).expect("PyTorch's export is readable"));
-        let bytes = std::fs::read(path.with_extension("io.safetensors")).expect("inputs and outputs");
+        let bytes =
+            std::fs::read(path.with_extension("io.safetensors")).expect("inputs and outputs");
         let io = SafeTensors::deserialize(&bytes).expect("a safetensors file");
         let shape = io.tensor("input").expect("an input").shape().to_vec();
         let input = numbers(&io, "input").into_iter().map(|x| x as f32).collect();

@@ -10,7 +10,8 @@ fn cube(diffuse: Vec3A, emission: Vec3A, environment: Vec3A, position: Vec3A) ->
         let side = |bit: usize| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
         Vec3A::new(side(0), side(1), side(2))
     };
-    let quads = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+    let quads =
+        [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
     let triangles = quads
         .into_iter()
         .flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]])
@@ -57,7 +58,8 @@ fn closed_box() {
     for depth in [1, 2, 3, 8, 30] {
         let mut scene = cube(diffuse, emission, Vec3A::ZERO, position);
         scene.max_depth = depth;
-        let closed_form = |depth| emission * (Vec3A::ONE - diffuse.powf(depth)) / (Vec3A::ONE - diffuse);
+        let closed_form =
+            |depth| emission * (Vec3A::ONE - diffuse.powf(depth)) / (Vec3A::ONE - diffuse);
         let batch = sequences(&scene, 256);
         if depth == 1 {
             // Nothing is random.
@@ -104,7 +106,8 @@ fn variance_is_estimated_without_bias() {
         let values = runs.iter().map(|run| f64::from(run.last()[lane]));
         let mean = values.clone().sum::<f64>() / 64.0;
         observed += values.map(|x| (x - mean).powi(2)).sum::<f64>() / 63.0;
-        let variances = runs.iter().map(|run| f64::from(run.side(VARIANCE).expect("a variance")[lane]));
+        let variances =
+            runs.iter().map(|run| f64::from(run.side(VARIANCE).expect("a variance")[lane]));
         estimated += variances.sum::<f64>() / 64.0;
     }
     // 768 lanes, of which three share their paths, × 63 degrees of freedom:
@@ -119,7 +122,8 @@ fn folds_partition_the_samples() {
     let scene = cube(Vec3A::splat(0.5), Vec3A::ONE, Vec3A::ZERO, Vec3A::new(0.3, -0.2, 0.6));
     let batch = sequences(&scene, 10);
     for lane in 0..batch.lanes() {
-        let fold = |k: usize| f64::from(batch.side(&nst_render::fold_name(k)).expect("a fold")[lane]);
+        let fold =
+            |k: usize| f64::from(batch.side(&nst_render::fold_name(k)).expect("a fold")[lane]);
         // Ten samples in four folds: three, three, two, two.
         let mean = (3.0 * fold(0) + 3.0 * fold(1) + 2.0 * fold(2) + 2.0 * fold(3)) / 10.0;
         let last = f64::from(batch.last()[lane]);

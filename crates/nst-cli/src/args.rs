@@ -193,10 +193,12 @@ fn transform(text: &str) -> Result<TransformArg, String> {
     match text {
         "auto" => Ok(TransformArg::Auto),
         "none" => Ok(TransformArg::None),
-        _ => builtin.clone().find(|&name| name == text).map(TransformArg::Builtin).ok_or_else(|| {
-            let names: Vec<_> = ["auto", "none"].into_iter().chain(builtin).collect();
-            format!("known methods are {}", names.join(", "))
-        }),
+        _ => {
+            builtin.clone().find(|&name| name == text).map(TransformArg::Builtin).ok_or_else(|| {
+                let names: Vec<_> = ["auto", "none"].into_iter().chain(builtin).collect();
+                format!("known methods are {}", names.join(", "))
+            })
+        }
     }
 }
 

@@ -1,7 +1,5 @@
 //! Which transformation a command line stands for, and on what it runs.
 
-use std::path::Path;
-
 use nst_core::{
     BUILTIN, Identity, MlpCpu, Network, Transform,
     gpu::{AdapterKind, Gpu, MlpGpu},
@@ -14,6 +12,8 @@ use crate::{
 
 /// Terms that a rendering keeps where no network asks for a number.
 pub(crate) const DEFAULT_WINDOW: usize = 8;
+
+const AS_ASKED: &str = "as asked";
 
 /// A transformation, ready to be applied.
 pub(crate) struct Method {
@@ -32,7 +32,11 @@ impl Method {
     /// Resolves the options for a sequence of `spp` samples of a scene.
     pub(crate) fn resolve(args: &MethodArgs, scene: &str, spp: u32) -> Result<Self, Error> {
         match &args.weights {
-            Some(path) => Self::from_file(path, args.backend, spp),
+            Some(path) => {
+                let network = Network::read(path)
+                    .map_err(|source| Error::Weights { path: path.clone(), source })?;
+                Self::network(path.display().to_string(), AS_ASKED, network, args.backend)
+            }
             None => Self::named(args.transform, args.backend, scene, spp),
         }
     }
@@ -45,38 +49,43 @@ impl Method {
         spp: u32,
     ) -> Result<Self, Error> {
         match transform {
-            TransformArg::None => Ok(Self::none("as asked".to_owned())),
-            TransformArg::Builtin(name) => {
-                let network = builtin(name)?;
-                check_window(name, &network, spp)?;
-                Self::network(name.to_owned(), "as asked".to_owned(), network, backend)
-            }
+            TransformArg::None => Ok(Self::none(AS_ASKED)),
+            TransformArg::Builtin(name) => Self::network(name, AS_ASKED, builtin(name)?, backend),
             TransformArg::Auto => match trained_on(scene, spp)? {
                 Ok((name, network)) => {
                     let reason = format!("trained on this scene; {}", network.shape());
-                    Self::network(name.to_owned(), reason, network, backend)
+                    Self::network(name, reason, network, backend)
                 }
                 Err(reason) => Ok(Self::none(reason)),
             },
         }
     }
 
-    fn from_file(path: &Path, backend: BackendArg, spp: u32) -> Result<Self, Error> {
-        let network = Network::read(path)
-            .map_err(|source| Error::Weights { path: path.to_owned(), source })?;
-        let name = path.display().to_string();
-        check_window(&name, &network, spp)?;
-        Self::network(name, "as asked".to_owned(), network, backend)
+    /// Fails if fewer terms are at hand than the method reads; `advice` says what to do then.
+    pub(crate) fn check_terms(&self, terms: usize, advice: &str) -> Result<(), Error> {
+        let window = self.transform.window();
+        if terms < window {
+            return Err(Error::Usage(format!(
+                "network '{}' reads the last {window} terms of a sequence, but there are {terms}; {advice}",
+                self.name
+            )));
+        }
+        Ok(())
     }
 
-    fn none(reason: String) -> Self {
-        let name = "none".to_owned();
-        Self { name, reason, backend: "cpu", adapter: None, transform: Box::new(Identity) }
+    fn none(reason: impl Into<String>) -> Self {
+        Self {
+            name: "none".to_owned(),
+            reason: reason.into(),
+            backend: "cpu",
+            adapter: None,
+            transform: Box::new(Identity),
+        }
     }
 
     fn network(
-        name: String,
-        reason: String,
+        name: impl Into<String>,
+        reason: impl Into<String>,
         network: Network,
         backend: BackendArg,
     ) -> Result<Self, Error> {
@@ -90,21 +99,16 @@ impl Method {
             BackendArg::Gpu => Some(on_gpu(AdapterKind::Any).map_err(Error::Gpu)?),
             BackendArg::Auto => on_gpu(AdapterKind::Hardware).ok(),
         };
-        Ok(match gpu {
-            Some((adapter, mlp)) => Self {
-                name,
-                reason,
-                backend: "gpu",
-                adapter: Some(adapter),
-                transform: Box::new(mlp),
-            },
-            None => Self {
-                name,
-                reason,
-                backend: "cpu",
-                adapter: None,
-                transform: Box::new(MlpCpu::new(network)),
-            },
+        let (adapter, transform): (_, Box<dyn Transform>) = match gpu {
+            Some((adapter, mlp)) => (Some(adapter), Box::new(mlp)),
+            None => (None, Box::new(MlpCpu::new(network))),
+        };
+        Ok(Self {
+            name: name.into(),
+            reason: reason.into(),
+            backend: if adapter.is_some() { "gpu" } else { "cpu" },
+            adapter,
+            transform,
         })
     }
 }
@@ -130,15 +134,4 @@ fn trained_on(scene: &str, spp: u32) -> Result<Result<(&'static str, Network), S
         }
     }
     Ok(Err("no network was trained on this very scene".to_owned()))
-}
-
-fn check_window(name: &str, network: &Network, spp: u32) -> Result<(), Error> {
-    let window = network.metadata().window;
-    if (spp as usize) < window {
-        return Err(Error::Usage(format!(
-            "network '{name}' reads the last {window} terms, but the sequence has {spp}; \
-             use --spp {window} or more, or --transform none"
-        )));
-    }
-    Ok(())
 }

@@ -38,9 +38,7 @@ impl SequenceBatch {
             )));
         }
         if sample_counts[0] == 0 || sample_counts.windows(2).any(|pair| pair[0] >= pair[1]) {
-            return Err(Error::Batch(
-                "sample counts must start at 1 or above and increase".into(),
-            ));
+            return Err(Error::Batch("sample counts must start at 1 or above and increase".into()));
         }
         let terms = if terms.is_standard_layout() {
             terms

@@ -3,7 +3,10 @@
 use std::{collections::HashMap, path::Path};
 
 use ndarray::{Array1, Array2};
-use safetensors::{SafeTensors, tensor::{Dtype, TensorView}};
+use safetensors::{
+    SafeTensors,
+    tensor::{Dtype, TensorView},
+};
 
 use crate::Error;
 
@@ -221,7 +224,8 @@ impl Fields<'_> {
 
     fn number<T: std::str::FromStr>(&self, key: &str) -> Result<T, Error> {
         let text = self.get(key)?;
-        let bad = |_| Error::Weights(format!("metadata '{key}' is '{text}', not a number in range"));
+        let bad =
+            |_| Error::Weights(format!("metadata '{key}' is '{text}', not a number in range"));
         text.parse().map_err(bad)
     }
 
@@ -230,7 +234,9 @@ impl Fields<'_> {
         text.split_once("..")
             .and_then(|(first, last)| Some((first.parse().ok()?, last.parse().ok()?)))
             .filter(|(first, last)| first <= last)
-            .ok_or_else(|| Error::Weights(format!("metadata '{key}' is '{text}', not 'first..last'")))
+            .ok_or_else(|| {
+                Error::Weights(format!("metadata '{key}' is '{text}', not 'first..last'"))
+            })
     }
 }
 
@@ -245,6 +251,120 @@ fn decode(tensor: &TensorView<'_>, layer: usize) -> Result<Vec<f32>, Error> {
             let (numbers, _) = tensor.data().as_chunks();
             Ok(numbers.iter().map(|&bytes| half::f16::from_le_bytes(bytes).to_f32()).collect())
         }
-        other => Err(Error::Weights(format!("layer {layer} is {other:?}; F32 and F16 are supported"))),
+        other => {
+            Err(Error::Weights(format!("layer {layer} is {other:?}; F32 and F16 are supported")))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use safetensors::serialize;
+
+    use super::*;
+
+    type Tensors = Vec<(String, (Dtype, Vec<usize>, Vec<u8>))>;
+
+    /// A correct file, as tensors and metadata to be damaged.
+    fn parts() -> (Tensors, HashMap<String, String>) {
+        let tensor = |name: &str, shape: &[usize]| {
+            let bytes = vec![0; 4 * shape.iter().product::<usize>()];
+            (name.to_owned(), (Dtype::F32, shape.to_vec(), bytes))
+        };
+        let tensors = vec![
+            tensor("layers.0.weight", &[5, 3]),
+            tensor("layers.0.bias", &[5]),
+            tensor("layers.1.weight", &[1, 5]),
+            tensor("layers.1.bias", &[1]),
+        ];
+        let metadata = [
+            ("format", FORMAT),
+            ("kind", "mlp"),
+            ("inputs", "window"),
+            ("window", "3"),
+            ("activation", "leaky_relu"),
+            ("negative_slope", "0.01"),
+            ("trained_on", "family:step, family:gaussian"),
+            ("samples", "8..64"),
+            ("loss", "L2"),
+            ("epochs", "10"),
+            ("seed", "1"),
+            ("config", "name = \"x\""),
+        ];
+        (tensors, metadata.map(|(key, value)| (key.to_owned(), value.to_owned())).into())
+    }
+
+    fn read(tensors: &Tensors, metadata: &HashMap<String, String>) -> Result<Network, Error> {
+        let views = tensors.iter().map(|(name, (dtype, shape, bytes))| {
+            let view = TensorView::new(*dtype, shape.clone(), bytes).expect("sizes match");
+            (name.as_str(), view)
+        });
+        let bytes = serialize(views, Some(metadata.clone())).expect("a safetensors file");
+        Network::from_bytes(&bytes)
+    }
+
+    #[test]
+    fn a_correct_file() -> Result<(), Error> {
+        let (tensors, metadata) = parts();
+        let network = read(&tensors, &metadata)?;
+        assert_eq!(network.shape(), "3-5-1");
+        assert_eq!(network.metadata().trained_on, ["family:step", "family:gaussian"]);
+        assert_eq!(network.metadata().samples, (8, 64));
+        Ok(())
+    }
+
+    #[test]
+    fn half_precision() -> Result<(), Error> {
+        let (mut tensors, metadata) = parts();
+        let values = [1.0, -2.0, 0.5, 65504.0, 6e-8].map(half::f16::from_f32);
+        tensors[1].1 = (Dtype::F16, vec![5], values.iter().flat_map(|x| x.to_le_bytes()).collect());
+        let network = read(&tensors, &metadata)?;
+        assert_eq!(network.layers()[0].bias.to_vec(), values.map(half::f16::to_f32));
+        Ok(())
+    }
+
+    #[test]
+    fn defects_are_named() {
+        type Damage = fn(&mut Tensors, &mut HashMap<String, String>);
+        fn set(metadata: &mut HashMap<String, String>, key: &str, value: &str) {
+            metadata.insert(key.to_owned(), value.to_owned());
+        }
+        let cases: [(&str, Damage); 17] = [
+            ("'format'", |_, m| set(m, "format", "nst-weights-9")),
+            ("'kind'", |_, m| set(m, "kind", "lstm")),
+            ("'inputs'", |_, m| set(m, "inputs", "samples")),
+            ("'activation'", |_, m| set(m, "activation", "tanh")),
+            ("'trained_on'", |_, m| drop(m.remove("trained_on"))),
+            ("'samples'", |_, m| set(m, "samples", "64..8")),
+            ("'negative_slope'", |_, m| set(m, "negative_slope", "NaN")),
+            ("'window'", |_, m| set(m, "window", "-3")),
+            ("layer 0", |_, m| set(m, "window", "4")),
+            ("layer 0", |t, _| t[1].1 = (Dtype::F32, vec![4], vec![0; 16])),
+            ("layer 1", |t, _| t[2].1 = (Dtype::F32, vec![1, 4], vec![0; 16])),
+            ("2 outputs", |t, _| {
+                t[2].1 = (Dtype::F32, vec![2, 5], vec![0; 40]);
+                t[3].1 = (Dtype::F32, vec![2], vec![0; 8]);
+            }),
+            ("shapes", |t, _| t[0].1.1 = vec![5, 3, 1]),
+            ("I32", |t, _| t[0].1.0 = Dtype::I32),
+            ("NaN", |t, _| t[0].1.2[..4].copy_from_slice(&f32::NAN.to_le_bytes())),
+            ("infinity", |t, _| t[3].1.2[..4].copy_from_slice(&f32::INFINITY.to_le_bytes())),
+            ("3 tensors", |t, _| drop(t.pop())),
+        ];
+        for (word, damage) in cases {
+            let (mut tensors, mut metadata) = parts();
+            damage(&mut tensors, &mut metadata);
+            let error = read(&tensors, &metadata).expect_err(word).to_string();
+            assert!(error.contains(word), "'{word}' is not in: {error}");
+        }
+    }
+
+    #[test]
+    fn builtin_networks_are_readable() -> Result<(), Error> {
+        for (name, _) in BUILTIN {
+            Network::builtin(name).expect("it is in the list")?;
+        }
+        assert!(Network::builtin("nothing").is_none());
+        Ok(())
     }
 }

@@ -50,16 +50,16 @@ impl Accelerator {
     /// The nearest hit within the ray's interval.
     pub(crate) fn intersect(&self, ray: Ray) -> Option<Hit> {
         let mut hit = RayHit::none();
-        self.bvh
-            .ray_traverse(ray, &mut hit, |ray, id| self.triangles[id].intersect(ray))
-            .then(|| {
+        self.bvh.ray_traverse(ray, &mut hit, |ray, id| self.triangles[id].intersect(ray)).then(
+            || {
                 let id = hit.primitive_id as usize;
                 Hit {
                     t: hit.t,
                     triangle: self.bvh.primitive_indices[id],
                     barycentric: self.triangles[id].compute_barycentric(&ray),
                 }
-            })
+            },
+        )
     }
 
     /// Whether anything lies within the ray's interval.

@@ -76,6 +76,9 @@ mod tests {
         close(projection.direction(Vec2::new(100.0, 50.0)), Vec3A::NEG_Z);
         // Top left: x and y to the edges of a film two wide and one high.
         close(projection.direction(Vec2::ZERO), Vec3A::new(-2.0, 1.0, -1.0).normalize());
-        close(projection.direction(Vec2::new(100.0, 100.0)), Vec3A::new(0.0, -1.0, -1.0).normalize());
+        close(
+            projection.direction(Vec2::new(100.0, 100.0)),
+            Vec3A::new(0.0, -1.0, -1.0).normalize(),
+        );
     }
 }

@@ -52,7 +52,9 @@ impl Lights {
         let pdf_area = scene
             .materials
             .iter()
-            .map(|m| if m.emits() { (f64::from(luminance(m.emission)) / total) as f32 } else { 0.0 })
+            .map(
+                |m| if m.emits() { (f64::from(luminance(m.emission)) / total) as f32 } else { 0.0 },
+            )
             .collect();
         Self { table, pdf_area }
     }

@@ -28,11 +28,8 @@ impl Scene {
         let mut defaults = Vec::new();
         let (triangles, materials) = load_obj(path, &mut defaults)?;
         let sidecar_path = path.with_extension("toml");
-        let sidecar = if sidecar_path.exists() {
-            Sidecar::read(&sidecar_path)?
-        } else {
-            Sidecar::default()
-        };
+        let sidecar =
+            if sidecar_path.exists() { Sidecar::read(&sidecar_path)? } else { Sidecar::default() };
 
         let camera = match sidecar.camera {
             Some(camera) => camera.into(),
@@ -42,7 +39,8 @@ impl Scene {
             }
         };
         let size = sidecar.film.map_or(DEFAULT_SIZE, |film| film.size);
-        let max_depth = sidecar.integrator.map_or(DEFAULT_MAX_DEPTH, |integrator| integrator.max_depth);
+        let max_depth =
+            sidecar.integrator.map_or(DEFAULT_MAX_DEPTH, |integrator| integrator.max_depth);
         let lit = triangles.iter().any(|t| materials[t.material as usize].emits());
         let environment = match sidecar.environment {
             Some(environment) => Vec3A::from(environment.radiance),
@@ -121,7 +119,8 @@ fn load_obj(
         area > 0.0 && area.is_finite()
     });
     if triangles.is_empty() {
-        let message = if faces == 0 { "it has no faces" } else { "all of its faces have zero area" };
+        let message =
+            if faces == 0 { "it has no faces" } else { "all of its faces have zero area" };
         return Err(Error::scene(path, format!("{message}; there is nothing to render")));
     }
     if triangles.len() < faces {
@@ -134,7 +133,10 @@ fn load_material(path: &Path, material: tobj::Material) -> Result<Material, Erro
     let emission = material.unknown_param.get("Ke").map_or(Ok([0.0; 3]), |text| {
         let numbers: Vec<f32> = text.split_whitespace().map_while(|n| n.parse().ok()).collect();
         <[f32; 3]>::try_from(numbers).map_err(|_| {
-            Error::scene(path, format!("material '{}': 'Ke {text}' is not three numbers", material.name))
+            Error::scene(
+                path,
+                format!("material '{}': 'Ke {text}' is not three numbers", material.name),
+            )
         })
     });
     let emission = match material.emissive {
@@ -146,7 +148,10 @@ fn load_material(path: &Path, material: tobj::Material) -> Result<Material, Erro
             return Ok(Vec3A::from(rgb));
         }
         let name = &material.name;
-        Err(Error::scene(path, format!("material '{name}': {key} {rgb:?} is not within 0 and {most}")))
+        Err(Error::scene(
+            path,
+            format!("material '{name}': {key} {rgb:?} is not within 0 and {most}"),
+        ))
     };
     Ok(Material {
         diffuse: colour("Kd", material.diffuse.unwrap_or([DEFAULT_DIFFUSE; 3]), 1.0)?,
@@ -172,7 +177,10 @@ fn load_mesh(
             )),
             None => Err(Error::scene(
                 path,
-                format!("object '{}': a face names {kind} {index}, which does not exist", model.name),
+                format!(
+                    "object '{}': a face names {kind} {index}, which does not exist",
+                    model.name
+                ),
             )),
         }
     };

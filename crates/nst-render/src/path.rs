@@ -98,10 +98,7 @@ impl<'a> PathTracer<'a> {
                 }
                 throughput /= survival;
             }
-            ray = Ray::new_inf(
-                offset(surface.position, surface.geometric_normal, self.scale),
-                wi,
-            );
+            ray = Ray::new_inf(offset(surface.position, surface.geometric_normal, self.scale), wi);
         }
         radiance
     }

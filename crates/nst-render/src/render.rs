@@ -100,7 +100,9 @@ pub fn render(
         let values = frame.tile(&tile);
         let mut result = result.lock().unwrap_or_else(PoisonError::into_inner);
         // Both are [plane][channel][pixel].
-        for (image, values) in result.chunks_exact_mut(pixels).zip(values.chunks_exact(tile.pixels())) {
+        for (image, values) in
+            result.chunks_exact_mut(pixels).zip(values.chunks_exact(tile.pixels()))
+        {
             for (y, row) in (tile.y..).zip(values.chunks_exact(tile.width as usize)) {
                 let first = (y * width + tile.x) as usize;
                 image[first..][..row.len()].copy_from_slice(row);

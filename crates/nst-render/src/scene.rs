@@ -98,7 +98,8 @@ impl Scene {
         }
         hash.update(self.max_depth.to_le_bytes());
         hash.update([self.pixel_filter as u8]);
-        let digest: String = hash.finalize()[..8].iter().map(|byte| format!("{byte:02x}")).collect();
+        let digest: String =
+            hash.finalize()[..8].iter().map(|byte| format!("{byte:02x}")).collect();
         format!("{}:{digest}", self.name)
     }
 
@@ -111,8 +112,10 @@ impl Scene {
 
 /// The corners of the axis-aligned bounding box of some triangles.
 pub(crate) fn bounds(triangles: &[Triangle]) -> (Vec3A, Vec3A) {
-    triangles.iter().flat_map(|triangle| triangle.positions).fold(
-        (Vec3A::INFINITY, Vec3A::NEG_INFINITY),
-        |(low, high), position| (low.min(position), high.max(position)),
-    )
+    triangles
+        .iter()
+        .flat_map(|triangle| triangle.positions)
+        .fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), position| {
+            (low.min(position), high.max(position))
+        })
 }

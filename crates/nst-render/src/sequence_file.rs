@@ -81,21 +81,30 @@ impl SequenceFile {
             Some(_) => Err(Error::image(path, format!("attribute '{name}' is not text"))),
             None => Err(Error::image(
                 path,
-                format!("it holds no sequence (attribute '{name}' is missing); 'nst render --sequence FILE' writes one"),
+                format!(
+                    "it holds no sequence (attribute '{name}' is missing); 'nst render --sequence FILE' writes one"
+                ),
             )),
         };
         let version = text("nst.version")?;
         if version != VERSION {
-            return Err(Error::image(path, format!("format version {version}; this program reads version {VERSION}")));
+            return Err(Error::image(
+                path,
+                format!("format version {version}; this program reads version {VERSION}"),
+            ));
         }
         let counts = text("nst.terms")?;
-        let sample_counts = counts.split(',').map(str::parse).collect::<Result<Vec<u32>, _>>().map_err(|_| {
-            Error::image(path, format!("attribute 'nst.terms' is '{counts}', not a list of sample counts"))
-        })?;
+        let sample_counts =
+            counts.split(',').map(str::parse).collect::<Result<Vec<u32>, _>>().map_err(|_| {
+                Error::image(
+                    path,
+                    format!("attribute 'nst.terms' is '{counts}', not a list of sample counts"),
+                )
+            })?;
         let seed = text("nst.seed")?;
-        let seed = seed
-            .parse()
-            .map_err(|_| Error::image(path, format!("attribute 'nst.seed' is '{seed}', not a number")))?;
+        let seed = seed.parse().map_err(|_| {
+            Error::image(path, format!("attribute 'nst.seed' is '{seed}', not a number"))
+        })?;
         let (scene, sampler) = (text("nst.scene")?, text("nst.sampler")?);
         let render_seconds = match file.attributes.get("renderTimeSeconds") {
             Some(Attribute::F32(seconds)) => *seconds,

@@ -79,7 +79,8 @@ impl Sidecar {
 
     fn check(&self) -> Result<(), String> {
         if let Some(camera) = &self.camera {
-            let [position, target, up] = [camera.position, camera.target, camera.up].map(Vec3A::from);
+            let [position, target, up] =
+                [camera.position, camera.target, camera.up].map(Vec3A::from);
             let forward = target - position;
             if !(forward.is_finite() && up.is_finite()) || forward == Vec3A::ZERO {
                 return Err("[camera] position and target must be finite and differ".into());

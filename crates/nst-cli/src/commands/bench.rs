@@ -57,6 +57,9 @@ fn bench_scene(args: &BenchSceneArgs) -> Result<(), Error> {
         let methods = transforms
             .map(|&transform| Method::named(transform, args.backend, &fingerprint, spp))
             .collect::<Result<Vec<_>, _>>()?;
+        for method in &methods {
+            method.check_terms(spp as usize, "leave this sample count out of --spp")?;
+        }
         let window = methods.iter().map(|m| m.transform.window()).fold(DEFAULT_WINDOW, usize::max);
         for run in 0..args.runs {
             let seed = args.seed + u64::from(run);
@@ -95,7 +98,11 @@ fn bench_scene(args: &BenchSceneArgs) -> Result<(), Error> {
         println!("MSE = mean (x − I)², ratio to none, over {} runs", args.runs);
         for ((method, spp), mse) in &sums {
             let none = sums[&("none".to_owned(), *spp)];
-            println!("{method:12} {spp:5} spp  {:.3e}  {:.3}", mse / f64::from(args.runs), mse / none);
+            println!(
+                "{method:12} {spp:5} spp  {:.3e}  {:.3}",
+                mse / f64::from(args.runs),
+                mse / none
+            );
         }
     }
     Ok(())

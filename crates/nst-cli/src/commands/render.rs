@@ -22,9 +22,12 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Error> {
     let mut watch = Stopwatch::start();
     let scene = timed(&mut watch.io, || load_scene(args))?;
     let method = Method::resolve(&args.method, &scene.fingerprint(), args.spp)?;
+    let advice = format!("use --spp {} or more, or --transform none", method.transform.window());
+    method.check_terms(args.spp as usize, &advice)?;
 
     // Created now, so that a place that cannot be written to is found out early.
-    let exr_path = args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}.exr", scene.name)));
+    let exr_path =
+        args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}.exr", scene.name)));
     let mut exr = OutputFile::create(&exr_path)?;
     let mut png = OutputFile::create(&exr_path.with_extension("png"))?;
     let mut sequence = args.sequence.as_deref().map(OutputFile::create).transpose()?;
@@ -71,7 +74,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Error> {
         }
         Ok(())
     })?;
-    watch.summary(Some(RenderStats { time, paths }), &method, &estimates, written).print(&args.common);
+    watch
+        .summary(Some(RenderStats { time, paths }), &method, &estimates, written)
+        .print(&args.common);
     Ok(())
 }
 

@@ -18,15 +18,11 @@ pub(crate) fn run(args: &TransformArgs) -> Result<(), Error> {
     let batch = &file.batch;
     let samples = batch.sample_counts().last().copied().unwrap_or_default();
     let method = Method::resolve(&args.method, &file.scene, samples)?;
-    let (window, terms) = (method.transform.window(), batch.sample_counts().len());
-    if terms < window {
-        return Err(Error::Usage(format!(
-            "'{}' holds {terms} terms, but network '{}' reads {window}; store more of them with \
-             'nst render --keep all'",
-            args.sequence.display(),
-            method.name
-        )));
-    }
+    let advice = format!(
+        "store more of them in '{}' with 'nst render --keep all', or use --transform none",
+        args.sequence.display()
+    );
+    method.check_terms(batch.sample_counts().len(), &advice)?;
 
     let output = args.output.clone().unwrap_or_else(|| args.sequence.with_extension("nst.exr"));
     let mut exr = OutputFile::create(&output)?;

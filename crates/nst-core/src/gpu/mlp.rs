@@ -281,7 +281,8 @@ mod tests {
                 .expect("the shader has this struct");
             match &ty.inner {
                 TypeInner::Struct { members, span } => {
-                    let members = members.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset));
+                    let members =
+                        members.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset));
                     (members.collect::<Vec<_>>(), *span as usize)
                 }
                 _ => panic!("{name} is no struct"),

@@ -1,0 +1,66 @@
+//! Runs the `nst` binary in a folder of its own.
+
+use std::{
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+use tempfile::TempDir;
+
+/// A temporary folder in which `nst` runs.
+pub(crate) struct Bench {
+    folder: TempDir,
+}
+
+impl Bench {
+    pub(crate) fn new() -> Self {
+        Self { folder: tempfile::tempdir().expect("a temporary folder") }
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    pub(crate) fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+        std::fs::write(self.path(name), content).expect("a file in the temporary folder");
+    }
+
+    pub(crate) fn files(&self) -> Vec<String> {
+        let entries = std::fs::read_dir(self.folder.path()).expect("the temporary folder");
+        let name = |entry: std::io::Result<std::fs::DirEntry>| {
+            entry.expect("an entry").file_name().to_string_lossy().into_owned()
+        };
+        let mut names: Vec<_> = entries.map(name).collect();
+        names.sort();
+        names
+    }
+
+    /// Runs `nst` with arguments separated by spaces.
+    pub(crate) fn nst(&self, args: &str) -> Output {
+        self.nst_with(args, &[])
+    }
+
+    /// Runs `nst` with further environment variables.
+    pub(crate) fn nst_with(&self, args: &str, variables: &[(&str, &str)]) -> Output {
+        Command::new(env!("CARGO_BIN_EXE_nst"))
+            .args(args.split_whitespace())
+            .envs(variables.iter().copied())
+            .current_dir(self.folder.path())
+            .output()
+            .expect("the binary runs")
+    }
+
+    /// Runs `nst`, which must succeed, and returns its standard output.
+    pub(crate) fn succeed(&self, args: &str) -> String {
+        let output = self.nst(args);
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "nst {args}: {stderr}");
+        String::from_utf8(output.stdout).expect("UTF-8")
+    }
+}
+
+/// The Cornell box of this repository.
+pub(crate) fn cornell() -> String {
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell/cornell.obj");
+    scene.canonicalize().expect("the scene").display().to_string()
+}

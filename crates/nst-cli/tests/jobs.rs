@@ -1,0 +1,194 @@
+//! What users do, from files to files.
+
+mod common;
+
+use std::path::Path;
+
+use common::{Bench, cornell};
+use nst_render::{film::read_exr_layer, sequence_file::SequenceFile};
+
+fn picture(path: &Path) -> Vec<f32> {
+    read_exr_layer(path, "").expect("a picture").1
+}
+
+#[test]
+fn render_writes_pictures_and_a_summary() {
+    let bench = Bench::new();
+    let scene = cornell();
+    let said = bench.succeed(&format!("render --scene {scene} --spp 8 --size 24x16 --backend cpu"));
+    assert_eq!(bench.files(), ["cornell.exr", "cornell.png"]);
+    for word in ["38 triangles", "24x16", "paths/s", "transform  cornell", "cornell.exr"] {
+        assert!(said.contains(word), "'{word}' is not in:\n{said}");
+    }
+    let path = bench.path("cornell.exr");
+    let (size, transformed) = read_exr_layer(&path, "").expect("T");
+    assert_eq!(size, [24, 16]);
+    let (_, plain) = read_exr_layer(&path, "S").expect("S");
+    let (_, variance) = read_exr_layer(&path, "Variance").expect("the variance");
+    assert!(transformed.iter().chain(&plain).chain(&variance).all(|x| x.is_finite()));
+    assert_ne!(transformed, plain);
+    let png = std::fs::read(bench.path("cornell.png")).expect("the PNG");
+    assert!(png.starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn json_has_the_names_that_programs_read() {
+    let bench = Bench::new();
+    let scene = cornell();
+    let said = bench.succeed(&format!(
+        "render --scene {scene} --spp 8 --size 8x8 --backend cpu --json --sequence seq.exr"
+    ));
+    let json: serde_json::Value = serde_json::from_str(&said).expect("one JSON object");
+    let names = [
+        "render_seconds",
+        "transform_seconds",
+        "io_seconds",
+        "total_seconds",
+        "paths_per_second",
+        "backend",
+        "adapter",
+        "transform",
+        "lanes",
+        "lanes_skipped",
+        "lanes_fallen_back",
+    ];
+    for name in names {
+        assert!(json.get(name).is_some(), "{name} is not in {said}");
+    }
+    assert_eq!(json["lanes"], 8 * 8 * 3);
+    assert_eq!(json["transform"], "cornell");
+    let said = bench.succeed("transform seq.exr --json --backend cpu");
+    let json: serde_json::Value = serde_json::from_str(&said).expect("one JSON object");
+    assert!(names.iter().all(|name| json.get(*name).is_some()), "{said}");
+    assert!(json["render_seconds"].is_null());
+}
+
+/// The stored sequence gives, bit for bit, the picture of its rendering.
+fn transform_repeats_render(backend: &str) {
+    let bench = Bench::new();
+    let scene = cornell();
+    for method in ["", "--transform families", "--transform none"] {
+        let options = format!("{method} --backend {backend} --quiet");
+        bench.succeed(&format!(
+            "render --scene {scene} --spp 16 --size 40x30 --sequence seq.exr -o direct.exr {options}"
+        ));
+        let said = bench.succeed(&format!("transform seq.exr {options}"));
+        assert_eq!(said, "", "--quiet");
+        let direct = picture(&bench.path("direct.exr"));
+        let stored = picture(&bench.path("seq.nst.exr"));
+        assert!(
+            direct.iter().map(|x| x.to_bits()).eq(stored.iter().map(|x| x.to_bits())),
+            "{method}"
+        );
+        let plain = read_exr_layer(&bench.path("direct.exr"), "S").expect("S").1;
+        assert_eq!(direct == plain, method.ends_with("none"), "'{method}' changes the picture");
+    }
+}
+
+#[test]
+fn transform_repeats_render_on_the_cpu() {
+    transform_repeats_render("cpu");
+}
+
+#[test]
+fn transform_repeats_render_on_the_gpu() {
+    let bench = Bench::new();
+    let mode = std::env::var("NST_GPU").unwrap_or_else(|_| "auto".into());
+    let probe = format!("render --scene {} --spp 8 --size 4x4 --backend gpu", cornell());
+    let usable = mode != "off" && bench.nst(&probe).status.success();
+    assert!(usable || mode != "require", "NST_GPU=require, but --backend gpu fails");
+    if usable {
+        transform_repeats_render("gpu");
+    } else {
+        eprintln!("skipped: NST_GPU={mode} and no adapter");
+    }
+}
+
+#[test]
+fn the_main_job_needs_no_vulkan_driver() {
+    let bench = Bench::new();
+    let args = format!("render --scene {} --spp 8 --size 8x8 --json", cornell());
+    let output = bench.nst_with(
+        &args,
+        &[("VK_DRIVER_FILES", "/nonexistent"), ("VK_ICD_FILENAMES", "/nonexistent")],
+    );
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!((&json["backend"], &json["adapter"]), (&"cpu".into(), &serde_json::Value::Null));
+}
+
+#[test]
+fn a_stored_sequence_holds_what_was_asked_for() {
+    let bench = Bench::new();
+    let scene = cornell();
+    let args =
+        format!("render --scene {scene} --spp 12 --size 9x7 --seed 5 --sequence seq.exr --quiet");
+    bench.succeed(&args);
+    let window = SequenceFile::read(&bench.path("seq.exr")).expect("a sequence");
+    assert_eq!(window.batch.sample_counts(), [5, 6, 7, 8, 9, 10, 11, 12]);
+    assert_eq!((window.size, window.seed, window.batch.lanes()), ([9, 7], 5, 9 * 7 * 3));
+    assert!(window.scene.starts_with("cornell:"));
+    bench.succeed(&format!("{args} --keep all"));
+    let all = SequenceFile::read(&bench.path("seq.exr")).expect("a sequence");
+    assert_eq!(all.batch.sample_counts().len(), 12);
+    // The same samples, whatever is kept of them.
+    assert_eq!(all.batch.window(8), window.batch.window(8));
+    assert!(all.batch.sides().eq(window.batch.sides()));
+    assert_eq!(all.batch.sides().count(), 5);
+}
+
+#[test]
+fn any_obj_renders_without_sidecar_material_or_light() {
+    let bench = Bench::new();
+    bench.write("pyramid.obj", "v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nv 0 1.5 0\nf 1 2 3 4\nf 1 5 2\nf 2 5 3\nf 3 5 4\nf 4 5 -5\n");
+    let said = bench.succeed("render --scene pyramid.obj --spp 8 --size 32x32");
+    for word in ["bounding box", "grey material", "white environment", "transform  none"] {
+        assert!(said.contains(word), "'{word}' is not in:\n{said}");
+    }
+    let picture = picture(&bench.path("pyramid.exr"));
+    // The corner sees the white environment, the middle sees grey faces.
+    assert_eq!(picture[0], 1.0);
+    let middle = picture[16 * 32 + 16];
+    assert!((0.5..0.9).contains(&middle), "{middle}");
+}
+
+#[test]
+fn auto_refuses_what_the_network_was_not_trained_on() {
+    let bench = Bench::new();
+    let scene = cornell();
+    for (change, why) in [
+        ("--max-depth 3 --spp 8", "this very scene"),
+        ("--pixel center --spp 8", "this very scene"),
+        ("--spp 7", "trained on 8 to 64 spp"),
+        ("--spp 65", "trained on 8 to 64 spp"),
+    ] {
+        let said = bench.succeed(&format!("render --scene {scene} --size 4x4 {change}"));
+        assert!(said.contains("transform  none") && said.contains(why), "{change}:\n{said}");
+    }
+}
+
+#[test]
+fn bench_scene_writes_a_row_per_method_and_run() {
+    let bench = Bench::new();
+    let scene = cornell();
+    bench.succeed(&format!(
+        "render --scene {scene} --spp 256 --size 16x16 --transform none -o ref.exr --quiet"
+    ));
+    let said = bench.succeed(&format!(
+        "bench scene --scene {scene} --reference ref.exr --spp 8,16 --runs 2 --backend cpu \
+         --transform auto,families -o out.csv"
+    ));
+    assert!(said.contains("families"), "{said}");
+    let csv = std::fs::read_to_string(bench.path("out.csv")).expect("the CSV");
+    let lines: Vec<_> = csv.lines().collect();
+    assert_eq!(
+        lines[0],
+        "scene,method,spp,run,mse,relmse,smape,render_seconds,transform_seconds,io_seconds,total_seconds"
+    );
+    assert_eq!(lines.len(), 1 + 2 * 2 * 3);
+    assert!(
+        lines[1].starts_with("cornell,none,8,0,")
+            && lines[12].starts_with("cornell,families,16,1,"),
+        "{csv}"
+    );
+}
