@@ -69,7 +69,7 @@ fn fingerprints_tell_integrals_apart() {
         |scene| scene.max_depth = 7,
         |scene| scene.camera.vertical_fov = 40.0,
         |scene| scene.camera.position.x += 1.0,
-        |scene| scene.materials[0].diffuse.y = 0.5,
+        |scene| scene.materials[0].color.y = 0.5,
         |scene| scene.triangles[3].positions[1].z += 1.0,
         |scene| scene.pixel_filter = nst_render::PixelFilter::Center,
     ];

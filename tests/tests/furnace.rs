@@ -2,7 +2,10 @@
 
 use glam::Vec3A;
 use nst_core::SequenceBatch;
-use nst_render::{Camera, Keep, Material, RenderSettings, Scene, Triangle, VARIANCE, render};
+use nst_render::{
+    Camera, Environment, Keep, Material, RenderSettings, Scattering, Scene, Triangle, VARIANCE,
+    render,
+};
 
 /// The cube [−1, 1]³ of one material, seen from `position`.
 fn cube(diffuse: Vec3A, emission: Vec3A, environment: Vec3A, position: Vec3A) -> Scene {
@@ -15,17 +18,29 @@ fn cube(diffuse: Vec3A, emission: Vec3A, environment: Vec3A, position: Vec3A) ->
     let triangles = quads
         .into_iter()
         .flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]])
-        .map(|corners| Triangle { positions: corners.map(corner), normals: None, material: 0 })
+        .map(|corners| Triangle {
+            positions: corners.map(corner),
+            normals: None,
+            uvs: None,
+            material: 0,
+        })
         .collect();
     Scene {
         name: "cube".into(),
         triangles,
-        materials: vec![Material { name: "wall".into(), diffuse, emission }],
+        materials: vec![Material {
+            name: "wall".into(),
+            color: diffuse,
+            color_texture: None,
+            emission,
+            emission_texture: None,
+            scattering: Scattering::Lambert,
+        }],
         camera: Camera { position, target: Vec3A::ZERO, up: Vec3A::Y, vertical_fov: 60.0 },
         size: [16, 16],
         max_depth: 8,
         pixel_filter: Default::default(),
-        environment,
+        environment: Environment { radiance: environment, image: None },
         defaults: vec![],
     }
 }

@@ -122,7 +122,7 @@ mod tests {
         ) {
             let triangles: Vec<_> = corners
                 .into_iter()
-                .map(|positions| Triangle { positions, normals: None, material: 0 })
+                .map(|positions| Triangle { positions, normals: None, uvs: None, material: 0 })
                 .collect();
             prop_assume!(origin.distance(towards) > 1e-2);
             let direction = (towards - origin).normalize();

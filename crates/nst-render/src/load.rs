@@ -9,7 +9,9 @@ use std::{
 
 use glam::Vec3A;
 
-use crate::{Camera, Error, Material, Scene, Triangle, scene::bounds, sidecar::Sidecar};
+use crate::{
+    Camera, Environment, Error, Material, Scene, Triangle, scene::bounds, sidecar::Sidecar,
+};
 
 /// Reflectance of triangles without a material, or of a material without `Kd`.
 const DEFAULT_DIFFUSE: f32 = 0.8;
@@ -59,7 +61,7 @@ impl Scene {
             size,
             max_depth,
             pixel_filter: Default::default(),
-            environment,
+            environment: Environment { radiance: environment, image: None },
             defaults,
         })
     }
@@ -108,8 +110,11 @@ fn load_obj(
         defaults.push(format!("a grey material ({DEFAULT_DIFFUSE}) where the file names none"));
         materials.push(Material {
             name: "default".to_owned(),
-            diffuse: Vec3A::splat(DEFAULT_DIFFUSE),
+            color: Vec3A::splat(DEFAULT_DIFFUSE),
+            color_texture: None,
             emission: Vec3A::ZERO,
+            emission_texture: None,
+            scattering: Default::default(),
         });
     }
 
@@ -154,8 +159,11 @@ fn load_material(path: &Path, material: tobj::Material) -> Result<Material, Erro
         ))
     };
     Ok(Material {
-        diffuse: colour("Kd", material.diffuse.unwrap_or([DEFAULT_DIFFUSE; 3]), 1.0)?,
+        color: colour("Kd", material.diffuse.unwrap_or([DEFAULT_DIFFUSE; 3]), 1.0)?,
+        color_texture: None,
         emission: colour("Ke", emission, f32::MAX)?,
+        emission_texture: None,
+        scattering: Default::default(),
         name: material.name,
     })
 }
@@ -197,7 +205,7 @@ fn load_mesh(
             let normals = corners(i, "normal", &mesh.normals, &mesh.normal_indices)?;
             Some(normals.map(Vec3A::normalize_or_zero)).filter(|n| !n.contains(&Vec3A::ZERO))
         };
-        triangles.push(Triangle { positions, normals, material });
+        triangles.push(Triangle { positions, normals, uvs: None, material });
     }
     Ok(())
 }

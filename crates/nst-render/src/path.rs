@@ -63,7 +63,7 @@ impl<'a> PathTracer<'a> {
 
         for vertex in 1..=self.scene.max_depth {
             let Some(hit) = self.accelerator.intersect(ray) else {
-                return radiance + throughput * self.scene.environment;
+                return radiance + throughput * self.scene.environment.radiance;
             };
             let surface = self.surface(&ray, &hit);
             let material = &self.scene.materials[surface.material as usize];
@@ -75,11 +75,11 @@ impl<'a> PathTracer<'a> {
                 });
                 radiance += throughput * material.emission * weight;
             }
-            if vertex == self.scene.max_depth || material.diffuse == Vec3A::ZERO {
+            if vertex == self.scene.max_depth || material.color == Vec3A::ZERO {
                 return radiance;
             }
 
-            let brdf = material.diffuse / PI;
+            let brdf = material.color / PI;
             let wo = -ray.direction;
             radiance += throughput * brdf * self.direct(&surface, wo, samples);
 
@@ -89,7 +89,7 @@ impl<'a> PathTracer<'a> {
             if cosine <= 0.0 || wi.dot(surface.geometric_normal) <= 0.0 {
                 return radiance;
             }
-            throughput *= material.diffuse;
+            throughput *= material.color;
             pdf_bsdf = Some(cosine / PI);
             if vertex >= ROULETTE_START {
                 let survival = throughput.max_element().min(MAX_SURVIVAL);

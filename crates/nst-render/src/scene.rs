@@ -1,28 +1,11 @@
 //! [`Scene`]: everything that decides what each pixel's integral is.
 
-use glam::Vec3A;
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3A};
 use sha2::{Digest, Sha256};
 
-use crate::{Camera, PixelFilter};
-
-/// A surface: Lambertian reflection and two-sided emission.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Material {
-    /// The name in the MTL file.
-    pub name: String,
-    /// Diffuse reflectance (MTL `Kd`), linear RGB in [0, 1].
-    pub diffuse: Vec3A,
-    /// Emitted radiance (MTL `Ke`), linear RGB; nonzero makes the surface an area light.
-    pub emission: Vec3A,
-}
-
-impl Material {
-    /// Whether surfaces of this material are lights.
-    #[must_use]
-    pub fn emits(&self) -> bool {
-        self.emission.max_element() > 0.0
-    }
-}
+use crate::{Camera, Material, PixelFilter, Texture};
 
 /// A triangle of the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,6 +14,8 @@ pub struct Triangle {
     pub positions: [Vec3A; 3],
     /// Unit shading normals at the corners, if the file has them.
     pub normals: Option<[Vec3A; 3]>,
+    /// Texture coordinates at the corners, if the file has them; v points up.
+    pub uvs: Option<[Vec2; 3]>,
     /// Index into [`Scene::materials`].
     pub material: u32,
 }
@@ -42,6 +27,15 @@ impl Triangle {
         let [a, b, c] = self.positions;
         (b - a).cross(c - a)
     }
+}
+
+/// Light that arrives from outside the scene.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Environment {
+    /// Radiance, linear RGB; multiplies the image if there is one.
+    pub radiance: Vec3A,
+    /// Latitude-longitude image: u turns about the y axis, v = 1 is up.
+    pub image: Option<Arc<Texture>>,
 }
 
 /// A scene, ready to be rendered.
@@ -62,8 +56,8 @@ pub struct Scene {
     pub max_depth: u32,
     /// How positions within a pixel are chosen.
     pub pixel_filter: PixelFilter,
-    /// Radiance that arrives from outside the scene, the same from everywhere.
-    pub environment: Vec3A,
+    /// Light from outside the scene.
+    pub environment: Environment,
     /// What the files did not say, in words for a summary.
     pub defaults: Vec<String>,
 }
@@ -81,14 +75,17 @@ impl Scene {
             }
         };
         for material in &self.materials {
-            vector(material.diffuse);
-            vector(material.emission);
+            material.numbers(&mut vector);
         }
         for triangle in &self.triangles {
             triangle.positions.into_iter().for_each(&mut vector);
             triangle.normals.into_iter().flatten().for_each(&mut vector);
+            triangle.uvs.into_iter().flatten().for_each(|uv| vector(Vec3A::from(uv.extend(0.0))));
         }
-        vector(self.environment);
+        vector(self.environment.radiance);
+        if let Some(image) = &self.environment.image {
+            image.texels().iter().copied().map(Vec3A::from).for_each(&mut vector);
+        }
         vector(self.camera.position);
         vector(self.camera.target);
         vector(self.camera.up);
