@@ -9,7 +9,7 @@ use nst_core::{
     Layer, Metadata, Network,
     gpu::{AdapterKind, Gpu},
 };
-use nst_render::{RandomSampler, SampleStream};
+use nst_render::{SampleStream, Sampler, SamplerKind};
 
 /// The adapter to test on, by the environment variable `NST_GPU`:
 /// `require` (fail without one), `off` (none), `auto` (the default: use one if
@@ -94,7 +94,7 @@ pub fn worst_error(actual: &[f32], expected: &[Expected]) -> f64 {
 /// first and without the output.
 #[must_use]
 pub fn random_network(widths: &[usize], seed: u64) -> Network {
-    let mut samples = RandomSampler::new(seed).stream(0, 0);
+    let mut samples = Sampler::new(SamplerKind::Random, seed).stream(0, 0);
     let ends = widths.iter().skip(1).chain(&[1]);
     let layers = widths
         .iter()
@@ -125,7 +125,7 @@ pub fn random_network(widths: &[usize], seed: u64) -> Network {
 /// Random windows `[term][lane]` whose sizes span 1e-3 to 1e3.
 #[must_use]
 pub fn random_window(terms: usize, lanes: usize, seed: u64) -> Array2<f32> {
-    let mut samples = RandomSampler::new(seed).stream(1, 0);
+    let mut samples = Sampler::new(SamplerKind::Random, seed).stream(1, 0);
     let scales: Vec<f32> =
         (0..lanes).map(|_| 10.0_f32.powf(3.0 * symmetric(&mut samples))).collect();
     Array2::from_shape_fn((terms, lanes), |(_, lane)| symmetric(&mut samples) * scales[lane])

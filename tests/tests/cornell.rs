@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nst_render::{Keep, RenderSettings, Scene, VARIANCE, film, render};
+use nst_render::{Keep, RenderSettings, SamplerKind, Scene, VARIANCE, film, render};
 use nst_tests::image_test::{Estimate, compare};
 
 fn repository() -> PathBuf {
@@ -23,7 +23,8 @@ fn agrees_with_mitsuba() {
     let reference = Estimate { mean: &mean, variance: &variance };
 
     let with = |scene: &Scene, seed| {
-        let settings = RenderSettings { spp: 4096, seed, keep: Keep::Window(1) };
+        let settings =
+            RenderSettings { spp: 4096, sampler: SamplerKind::Random, seed, keep: Keep::Window(1) };
         let batch = render(scene, &settings, &|_| {}).expect("the scene renders").batch;
         let variance = batch.side(VARIANCE).expect("a variance").to_vec();
         (batch.last().to_vec(), variance)
@@ -47,7 +48,8 @@ fn agrees_with_mitsuba() {
 #[test]
 fn thread_count_does_not_change_a_bit() {
     let scene = cornell([50, 34]);
-    let settings = RenderSettings { spp: 9, seed: 3, keep: Keep::All };
+    let settings =
+        RenderSettings { spp: 9, sampler: SamplerKind::Random, seed: 3, keep: Keep::All };
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| render(&scene, &settings, &|_| {})).expect("the scene renders").batch

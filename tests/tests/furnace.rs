@@ -3,8 +3,8 @@
 use glam::Vec3A;
 use nst_core::SequenceBatch;
 use nst_render::{
-    Camera, Environment, Keep, Material, RenderSettings, Scattering, Scene, Triangle, VARIANCE,
-    render,
+    Camera, Environment, Keep, Material, RenderSettings, SamplerKind, Scattering, Scene, Triangle,
+    VARIANCE, render,
 };
 
 /// The cube [−1, 1]³ of one material, seen from `position`.
@@ -46,7 +46,8 @@ fn cube(diffuse: Vec3A, emission: Vec3A, environment: Vec3A, position: Vec3A) ->
 }
 
 fn sequences(scene: &Scene, spp: u32) -> SequenceBatch {
-    let settings = RenderSettings { spp, seed: 5, keep: Keep::Window(8) };
+    let settings =
+        RenderSettings { spp, sampler: SamplerKind::Random, seed: 5, keep: Keep::Window(8) };
     render(scene, &settings, &|_| {}).expect("the scene renders").batch
 }
 
@@ -112,7 +113,12 @@ fn variance_is_estimated_without_bias() {
     let scene = cube(Vec3A::splat(0.5), Vec3A::ONE, Vec3A::ZERO, Vec3A::new(0.3, -0.2, 0.6));
     let runs: Vec<_> = (0..64)
         .map(|seed| {
-            let settings = RenderSettings { spp: 8, seed, keep: Keep::Window(1) };
+            let settings = RenderSettings {
+                spp: 8,
+                sampler: SamplerKind::Random,
+                seed,
+                keep: Keep::Window(1),
+            };
             render(&scene, &settings, &|_| {}).expect("the scene renders").batch
         })
         .collect();

@@ -1,10 +1,12 @@
 //! What the user types.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Parser, Subcommand, ValueEnum};
 use nst_core::BUILTIN;
-use nst_render::PixelFilter;
+use nst_render::{PixelFilter, SamplerKind};
+
+use crate::error::Error;
 
 /// Monte Carlo renderings that converge faster: neural sequence transformation.
 #[derive(Debug, Parser)]
@@ -30,9 +32,14 @@ pub(crate) struct RenderArgs {
     /// Samples per pixel.
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) spp: u32,
-    /// Picture to write; a PNG is written beside it. [default: the scene's name, in this folder]
-    #[arg(short, long, value_name = "EXR", value_parser = exr_path)]
+    /// Picture to write (.exr); a PNG is written beside it. With --runs, the dataset
+    /// (.safetensors). [default: the scene's name, in this folder]
+    #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
+    /// Render so many independent runs into a dataset for training instead of a
+    /// picture; the seeds count up from --seed.
+    #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "sequence")]
+    pub(crate) runs: Option<u32>,
     /// Also store the sequence, for `nst transform`.
     #[arg(long, value_name = "EXR", value_parser = exr_path)]
     pub(crate) sequence: Option<PathBuf>,
@@ -42,9 +49,15 @@ pub(crate) struct RenderArgs {
     /// Film size in pixels, as in 512x512. [default: the scene's]
     #[arg(long, value_name = "WxH", value_parser = size)]
     pub(crate) size: Option<[u32; 2]>,
+    /// Which random numbers to use.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) sampler: SamplerArg,
     /// Seed of the random numbers; runs with different seeds are independent.
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
+    /// `path`: paths up to the depth; `direct`: depth 2. [default: the scene's]
+    #[arg(long, value_enum)]
+    pub(crate) integrator: Option<IntegratorArg>,
     /// Path vertices after the camera that may scatter or emit. [default: the scene's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) max_depth: Option<u32>,
@@ -152,6 +165,47 @@ pub(crate) enum KeepArg {
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SamplerArg {
+    /// Independent and uniform.
+    #[default]
+    Random,
+    /// A scrambled Halton sequence for each pixel.
+    Halton,
+}
+
+impl RenderArgs {
+    /// Where the picture or the dataset goes.
+    pub(crate) fn output(&self, scene: &str) -> Result<PathBuf, Error> {
+        let extension = if self.runs.is_some() { "safetensors" } else { "exr" };
+        match &self.output {
+            None => Ok(PathBuf::from(format!("{scene}.{extension}"))),
+            Some(path) if has_extension(path, extension) => Ok(path.clone()),
+            Some(path) => Err(Error::Usage(format!(
+                "--output '{}': the name must end in .{extension}",
+                path.display()
+            ))),
+        }
+    }
+}
+
+impl From<SamplerArg> for SamplerKind {
+    fn from(arg: SamplerArg) -> Self {
+        match arg {
+            SamplerArg::Random => Self::Random,
+            SamplerArg::Halton => Self::Halton,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum IntegratorArg {
+    /// Paths as deep as the scene says.
+    Path,
+    /// Light that reaches the first surface directly.
+    Direct,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(crate) enum PixelArg {
     /// Uniformly, which smooths edges.
     #[default]
@@ -211,10 +265,12 @@ fn size(text: &str) -> Result<[u32; 2], String> {
 
 fn exr_path(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
-    match path.extension() {
-        Some(extension) if extension.eq_ignore_ascii_case("exr") => Ok(path),
-        _ => Err("the name must end in .exr".to_owned()),
-    }
+    if has_extension(&path, "exr") { Ok(path) } else { Err("the name must end in .exr".to_owned()) }
+}
+
+/// Whether a path ends in the extension, whatever its case.
+pub(crate) fn has_extension(path: &Path, wanted: &str) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
 }
 
 #[cfg(test)]

@@ -15,6 +15,7 @@ pub(crate) enum Error {
     Csv { path: PathBuf, source: csv::Error },
     #[error("--backend gpu: {0}; --backend cpu needs none")]
     Gpu(nst_core::Error),
+    /// The command line is wrong; the exit code says so.
     #[error("{0}")]
     Usage(String),
 }

@@ -102,7 +102,7 @@ fn command_lines() {
     }
     fails(&bench, "render", 2, &["--scene"]);
     // Only the network sets a lower bound on spp.
-    fails(&bench, "render --scene x.obj --spp 7 --transform cornell", 1, &["--spp 8", "none"]);
+    fails(&bench, "render --scene x.obj --spp 7 --transform cornell", 2, &["--spp 8", "none"]);
     fails(&bench, "render --scene x.obj --size 60000x60000", 1, &["too many"]);
 }
 
@@ -138,7 +138,7 @@ fn sequences() {
     bench.succeed(&format!(
         "render --scene {scene} --spp 4 --size 8x8 --sequence short.exr -o short_plain.exr --quiet"
     ));
-    fails(&bench, "transform short.exr --transform cornell", 1, &["short.exr", "last 8", "4"]);
+    fails(&bench, "transform short.exr --transform cornell", 2, &["short.exr", "last 8", "4"]);
     fails(&bench, "transform seq.exr -o gone/x.exr", 1, &["gone/x.exr"]);
 }
 

@@ -10,6 +10,8 @@
 
 mod accelerator;
 mod camera;
+pub mod dataset;
+mod environment;
 mod error;
 mod exr_file;
 pub mod film;
@@ -29,6 +31,6 @@ pub use camera::{Camera, PixelFilter};
 pub use error::Error;
 pub use material::{Disney, Material, Scattering};
 pub use render::{FOLDS, Keep, RenderSettings, Rendering, VARIANCE, fold_name, render};
-pub use sampler::{RandomSampler, SampleStream};
+pub use sampler::{SampleStream, Sampler, SamplerKind};
 pub use scene::{Environment, Scene, Triangle};
 pub use texture::Texture;

@@ -1,82 +1,154 @@
-//! Area lights: every emitting triangle, chosen in proportion to its power.
+//! What next-event estimation aims at: emitting triangles, chosen in proportion
+//! to their power, and the environment where it is an image.
+
+use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3A};
 
-use crate::Scene;
+use crate::{Scene, Triangle, accelerator::offset, environment::EnvironmentSampler};
 
-/// A point on a light.
+/// A direction towards a light.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LightSample {
-    pub(crate) position: Vec3A,
-    /// Unit geometric normal.
-    pub(crate) normal: Vec3A,
-    pub(crate) emission: Vec3A,
-    /// Probability density with respect to surface area.
-    pub(crate) pdf_area: f32,
+    /// Unit direction to the light.
+    pub(crate) wi: Vec3A,
+    /// The point of the light, moved off its surface so that the light does not
+    /// hide it; `None` for the environment.
+    pub(crate) target: Option<Vec3A>,
+    pub(crate) radiance: Vec3A,
+    /// Probability density with respect to solid angle.
+    pub(crate) pdf: f32,
 }
 
-/// The emitting triangles of a scene.
+/// The lights of a scene.
 pub(crate) struct Lights {
     /// Triangle index and cumulative probability, which ends at 1.
-    table: Vec<(u32, f32)>,
-    /// By material: the density with respect to area, because a triangle's
-    /// probability is proportional to its area times its luminance.
+    triangles: Vec<(u32, f32)>,
+    /// By material: the density with respect to area of a point of a triangle,
+    /// whose probability is proportional to its area times its mean luminance.
     pdf_area: Vec<f32>,
+    environment: Option<EnvironmentSampler>,
+    /// The probability of choosing the environment.
+    environment_share: f32,
+    /// The largest coordinate of the scene, for [`offset`].
+    scale: f32,
 }
 
+/// The environment's share of the samples where there are other lights too.
+const ENVIRONMENT_SHARE: std::ops::RangeInclusive<f32> = 0.1..=0.9;
+
 /// Luminance of linear sRGB (ITU-R BT.709).
-fn luminance(rgb: Vec3A) -> f32 {
+pub(crate) fn luminance(rgb: Vec3A) -> f32 {
     rgb.dot(Vec3A::new(0.2126, 0.7152, 0.0722))
 }
 
 impl Lights {
     pub(crate) fn new(scene: &Scene) -> Self {
-        let power = |&(_, power): &(u32, f64)| power;
+        let mean_luminance: Vec<f64> = scene
+            .materials
+            .iter()
+            .map(|material| {
+                let texels =
+                    material.emission_texture.as_ref().map_or(&[[1.0; 3]][..], |t| t.texels());
+                let emission = |&texel: &[f32; 3]| {
+                    f64::from(luminance(material.emission * Vec3A::from(texel)))
+                };
+                texels.iter().map(emission).sum::<f64>() / texels.len() as f64
+            })
+            .collect();
         let emitters: Vec<(u32, f64)> = (0..)
             .zip(&scene.triangles)
             .filter_map(|(index, triangle)| {
-                let material = &scene.materials[triangle.material as usize];
+                let luminance = mean_luminance[triangle.material as usize];
                 let area = f64::from(triangle.area_vector().length()) / 2.0;
-                material.emits().then(|| (index, area * f64::from(luminance(material.emission))))
+                (luminance > 0.0).then_some((index, area * luminance))
             })
             .collect();
-        let total: f64 = emitters.iter().map(power).sum();
+        let total: f64 = emitters.iter().map(|&(_, power)| power).sum();
         let mut cumulative = 0.0;
-        let table = emitters
-            .iter()
-            .map(|emitter| {
-                cumulative += power(emitter);
-                (emitter.0, (cumulative / total) as f32)
+        let triangles = emitters
+            .into_iter()
+            .map(|(index, power)| {
+                cumulative += power;
+                (index, (cumulative / total) as f32)
             })
             .collect();
-        let pdf_area = scene
-            .materials
+
+        let environment = scene.environment.image.as_deref().map(EnvironmentSampler::new);
+        let (low, high) = scene.bounds();
+        let environment_share = environment.as_ref().map_or(0.0, |environment| {
+            // Power into the bounding sphere, π r² · 4π L̄, beside 2π A L of two-sided lights.
+            let radiance = luminance(scene.environment.radiance) * environment.mean_luminance();
+            let power = PI * (high - low).length_squared() / 4.0 * 4.0 * PI * radiance;
+            let others = 2.0 * PI * total as f32;
+            if others == 0.0 {
+                return 1.0;
+            }
+            (power / (power + others)).clamp(*ENVIRONMENT_SHARE.start(), *ENVIRONMENT_SHARE.end())
+        });
+        let of_triangles = f64::from(1.0 - environment_share);
+        let pdf_area = mean_luminance
             .iter()
             .map(
-                |m| if m.emits() { (f64::from(luminance(m.emission)) / total) as f32 } else { 0.0 },
+                |luminance| {
+                    if total > 0.0 { (of_triangles * luminance / total) as f32 } else { 0.0 }
+                },
             )
             .collect();
-        Self { table, pdf_area }
+        let scale = low.abs().max(high.abs()).max_element();
+        Self { triangles, pdf_area, environment, environment_share, scale }
     }
 
-    /// The density, with respect to area, of sampling a point of this material.
-    pub(crate) fn pdf_area(&self, material: u32) -> f32 {
-        self.pdf_area[material as usize]
-    }
-
-    /// A point on a light; `None` if there is no light.
-    pub(crate) fn sample(&self, scene: &Scene, pick: f32, u: Vec2) -> Option<LightSample> {
-        let last = self.table.len().checked_sub(1)?;
-        let chosen = self.table.partition_point(|&(_, cumulative)| cumulative <= pick).min(last);
-        let triangle = &scene.triangles[self.table[chosen].0 as usize];
-        let [a, b, c] = triangle.positions;
+    /// A direction from the point `from` to a light; `None` if there is no light,
+    /// or if the chosen one is seen edge-on.
+    pub(crate) fn sample(
+        &self,
+        scene: &Scene,
+        from: Vec3A,
+        pick: f32,
+        u: Vec2,
+    ) -> Option<LightSample> {
+        if pick < self.environment_share {
+            let (wi, pdf) = self.environment.as_ref()?.sample(u)?;
+            let radiance = scene.environment.radiance(wi);
+            return Some(LightSample {
+                wi,
+                target: None,
+                radiance,
+                pdf: pdf * self.environment_share,
+            });
+        }
+        let pick = (pick - self.environment_share) / (1.0 - self.environment_share);
+        let last = self.triangles.len().checked_sub(1)?;
+        let chosen =
+            self.triangles.partition_point(|&(_, cumulative)| cumulative <= pick).min(last);
+        let triangle = &scene.triangles[self.triangles[chosen].0 as usize];
         // Uniform on the triangle: fold the square's upper half onto the lower.
-        let u = if u.x + u.y > 1.0 { 1.0 - u } else { u };
-        Some(LightSample {
-            position: a + (b - a) * u.x + (c - a) * u.y,
-            normal: triangle.area_vector().normalize(),
-            emission: scene.materials[triangle.material as usize].emission,
-            pdf_area: self.pdf_area(triangle.material),
+        let barycentric = if u.x + u.y > 1.0 { 1.0 - u } else { u };
+        let point = triangle.position(barycentric);
+        let normal = triangle.area_vector().normalize();
+        let to_light = point - from;
+        let distance = to_light.length();
+        let wi = to_light / distance;
+        let cosine = wi.dot(normal);
+        let pdf = self.pdf_area[triangle.material as usize] * distance * distance / cosine.abs();
+        // Not so for a NaN, at distance 0.
+        (pdf > 0.0 && pdf.is_finite()).then(|| LightSample {
+            wi,
+            target: Some(offset(point, normal * -cosine.signum(), self.scale)),
+            radiance: scene.emission(triangle, barycentric),
+            pdf,
         })
+    }
+
+    /// The density, with respect to solid angle, with which [`Self::sample`] finds
+    /// a point of this triangle, seen at a distance under the cosine of an angle.
+    pub(crate) fn pdf_hit(&self, triangle: &Triangle, distance: f32, cosine: f32) -> f32 {
+        self.pdf_area[triangle.material as usize] * distance * distance / cosine.abs()
+    }
+
+    /// The density, with respect to solid angle, of a direction to the environment.
+    pub(crate) fn pdf_escape(&self, direction: Vec3A) -> f32 {
+        self.environment.as_ref().map_or(0.0, |e| e.pdf(direction) * self.environment_share)
     }
 }

@@ -7,9 +7,10 @@ use glam::{Vec2, Vec3A};
 use obvhs::ray::Ray;
 
 use crate::{
-    SampleStream, Scene,
+    SampleStream, Scene, Triangle,
     accelerator::{Accelerator, Hit, offset},
     light::Lights,
+    scene::interpolate,
 };
 
 /// Russian roulette may end a path from this vertex on.
@@ -33,7 +34,6 @@ struct Surface {
     geometric_normal: Vec3A,
     /// Unit shading normal, on the side of the geometric one.
     normal: Vec3A,
-    material: u32,
 }
 
 impl<'a> PathTracer<'a> {
@@ -63,25 +63,27 @@ impl<'a> PathTracer<'a> {
 
         for vertex in 1..=self.scene.max_depth {
             let Some(hit) = self.accelerator.intersect(ray) else {
-                return radiance + throughput * self.scene.environment.radiance;
+                let pdf_light = self.lights.pdf_escape(ray.direction);
+                let weight = pdf_bsdf.map_or(1.0, |pdf| power_heuristic(pdf, pdf_light));
+                return radiance
+                    + throughput * self.scene.environment.radiance(ray.direction) * weight;
             };
-            let surface = self.surface(&ray, &hit);
-            let material = &self.scene.materials[surface.material as usize];
+            let triangle = &self.scene.triangles[hit.triangle as usize];
+            let surface = Surface::new(triangle, &ray, &hit);
+            let material = &self.scene.materials[triangle.material as usize];
             if material.emits() {
                 let weight = pdf_bsdf.map_or(1.0, |pdf| {
-                    let cosine = -ray.direction.dot(surface.geometric_normal);
-                    let pdf_area = self.lights.pdf_area(surface.material);
-                    power_heuristic(pdf, pdf_area * hit.t * hit.t / cosine)
+                    let cosine = ray.direction.dot(surface.geometric_normal);
+                    power_heuristic(pdf, self.lights.pdf_hit(triangle, hit.t, cosine))
                 });
-                radiance += throughput * material.emission * weight;
+                radiance += throughput * self.scene.emission(triangle, hit.barycentric) * weight;
             }
             if vertex == self.scene.max_depth || material.color == Vec3A::ZERO {
                 return radiance;
             }
 
-            let brdf = material.color / PI;
-            let wo = -ray.direction;
-            radiance += throughput * brdf * self.direct(&surface, wo, samples);
+            let color = self.scene.color(triangle, hit.barycentric);
+            radiance += throughput * color / PI * self.direct(&surface, samples);
 
             let wi = cosine_hemisphere(surface.normal, samples.next_2d());
             let cosine = wi.dot(surface.normal);
@@ -89,7 +91,7 @@ impl<'a> PathTracer<'a> {
             if cosine <= 0.0 || wi.dot(surface.geometric_normal) <= 0.0 {
                 return radiance;
             }
-            throughput *= material.color;
+            throughput *= color;
             pdf_bsdf = Some(cosine / PI);
             if vertex >= ROULETTE_START {
                 let survival = throughput.max_element().min(MAX_SURVIVAL);
@@ -103,57 +105,46 @@ impl<'a> PathTracer<'a> {
         radiance
     }
 
-    /// Light that a point of a light sends to the surface, times the cosine there,
-    /// over the density; weighted against sampling the cosine.
-    fn direct(&self, surface: &Surface, wo: Vec3A, samples: &mut SampleStream) -> Vec3A {
-        let Some(light) = self.lights.sample(self.scene, samples.next_1d(), samples.next_2d())
-        else {
+    /// Light that reaches the surface straight from a light, times the cosine
+    /// there, over the density; weighted against sampling the cosine.
+    fn direct(&self, surface: &Surface, samples: &mut SampleStream) -> Vec3A {
+        let origin = offset(surface.position, surface.geometric_normal, self.scale);
+        let (pick, u) = (samples.next_1d(), samples.next_2d());
+        let Some(light) = self.lights.sample(self.scene, origin, pick, u) else {
             return Vec3A::ZERO;
         };
-        debug_assert!(wo.dot(surface.geometric_normal) >= 0.0);
-        let origin = offset(surface.position, surface.geometric_normal, self.scale);
-        let to_light = light.position - origin;
-        let distance = to_light.length();
-        let wi = to_light / distance;
-        let cosine = wi.dot(surface.normal);
-        let light_cosine = wi.dot(light.normal).abs();
-        if !(cosine > 0.0 && light_cosine > 0.0 && wi.dot(surface.geometric_normal) > 0.0) {
+        let cosine = light.wi.dot(surface.normal);
+        if cosine <= 0.0 || light.wi.dot(surface.geometric_normal) <= 0.0 {
             return Vec3A::ZERO;
         }
-        // Stop short of the light, by as much as the point on it may be off.
-        let side = -light.normal * wi.dot(light.normal).signum();
-        let target = offset(light.position, side, self.scale) - origin;
-        let reach = target.length();
-        if self.accelerator.occluded(Ray::new(origin, target / reach, 0.0, reach)) {
+        let shadow_ray = match light.target {
+            Some(target) => {
+                let to_light = target - origin;
+                let reach = to_light.length();
+                Ray::new(origin, to_light / reach, 0.0, reach)
+            }
+            None => Ray::new_inf(origin, light.wi),
+        };
+        if self.accelerator.occluded(shadow_ray) {
             return Vec3A::ZERO;
         }
-        let pdf = light.pdf_area * distance * distance / light_cosine;
-        light.emission * (cosine / pdf * power_heuristic(pdf, cosine / PI))
+        light.radiance * (cosine / light.pdf * power_heuristic(light.pdf, cosine / PI))
     }
+}
 
-    fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
-        let triangle = &self.scene.triangles[hit.triangle as usize];
-        let [a, b, c] = triangle.positions;
-        let Vec2 { x: u, y: v } = hit.barycentric;
+impl Surface {
+    fn new(triangle: &Triangle, ray: &Ray, hit: &Hit) -> Self {
         let facing = |normal: Vec3A, towards: Vec3A| {
             if normal.dot(towards) < 0.0 { -normal } else { normal }
         };
         let geometric_normal = facing(triangle.area_vector().normalize(), -ray.direction);
-        let normal = match triangle.normals {
-            None => geometric_normal,
-            Some([na, nb, nc]) => {
-                let normal = na * (1.0 - u - v) + nb * u + nc * v;
-                facing(normal.normalize_or(geometric_normal), geometric_normal)
-            }
-        };
-        Surface {
-            // From the corners, not along the ray: the error is then that of the
-            // surface's coordinates, however far the ray has come.
-            position: a * (1.0 - u - v) + b * u + c * v,
-            geometric_normal,
-            normal,
-            material: triangle.material,
-        }
+        let normal = triangle.normals.map_or(geometric_normal, |normals| {
+            let normal = interpolate(normals, hit.barycentric);
+            facing(normal.normalize_or(geometric_normal), geometric_normal)
+        });
+        // The position comes from the corners, not along the ray: its error is
+        // then that of the surface's coordinates, however far the ray has come.
+        Self { position: triangle.position(hit.barycentric), geometric_normal, normal }
     }
 }
 
@@ -176,7 +167,7 @@ fn cosine_hemisphere(normal: Vec3A, u: Vec2) -> Vec3A {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::RandomSampler;
+    use crate::{Sampler, SamplerKind};
 
     /// χ² of the sampled directions against cos θ / π, over cells of equal
     /// probability (cos² θ and φ are uniform); the 0.9999 quantile of 63 degrees
@@ -188,7 +179,10 @@ mod tests {
             let (tangent, bitangent) = normal.any_orthonormal_pair();
             let mut cells = [0.0_f64; 64];
             for i in 0..COUNT {
-                let w = cosine_hemisphere(normal, RandomSampler::new(3).stream(0, i).next_2d());
+                let w = cosine_hemisphere(
+                    normal,
+                    Sampler::new(SamplerKind::Random, 3).stream(0, i).next_2d(),
+                );
                 assert!((w.length() - 1.0).abs() < 1e-5);
                 let height = w.dot(normal).powi(2);
                 let turn = w.dot(bitangent).atan2(w.dot(tangent)) / (2.0 * PI) + 0.5;

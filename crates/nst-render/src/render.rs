@@ -10,7 +10,9 @@ use ndarray::Array2;
 use nst_core::SequenceBatch;
 use rayon::prelude::*;
 
-use crate::{Error, PixelFilter, RandomSampler, Scene, camera::Projection, path::PathTracer};
+use crate::{
+    Error, PixelFilter, Sampler, SamplerKind, Scene, camera::Projection, path::PathTracer,
+};
 
 /// How many folds the samples of a pixel are split into: sample i belongs to fold i mod 4.
 pub const FOLDS: usize = 4;
@@ -38,6 +40,8 @@ pub enum Keep {
 pub struct RenderSettings {
     /// Samples per pixel, at least 1.
     pub spp: u32,
+    /// Which numbers to draw.
+    pub sampler: SamplerKind,
     /// Seed of the sampler; different seeds give independent renderings.
     pub seed: u64,
     /// The terms to keep.
@@ -89,7 +93,7 @@ pub fn render(
     let frame = Frame {
         tracer: PathTracer::new(scene),
         projection: Projection::new(&scene.camera, scene.size),
-        sampler: RandomSampler::new(settings.seed),
+        sampler: Sampler::new(settings.sampler, settings.seed),
         filter: scene.pixel_filter,
         width,
         planes,
@@ -185,7 +189,7 @@ impl Tile {
 struct Frame<'a> {
     tracer: PathTracer<'a>,
     projection: Projection,
-    sampler: RandomSampler,
+    sampler: Sampler,
     filter: PixelFilter,
     width: u32,
     planes: Planes,

@@ -1,49 +1,105 @@
 //! Random numbers as pure functions of (seed, pixel, sample index, dimension).
 
+mod halton;
+
 use glam::Vec2;
 
-/// Independent uniform random numbers: SplitMix64 (Steele, Lea, Flood 2014),
-/// started at a hash of seed, pixel and sample index.
+/// Which numbers a rendering draws.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SamplerKind {
+    /// Independent and uniform.
+    #[default]
+    Random,
+    /// The Halton sequence, Owen-scrambled for each pixel by itself.
+    Halton,
+}
+
+impl SamplerKind {
+    /// The name in sequence files and on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Random => "random",
+            Self::Halton => "halton",
+        }
+    }
+}
+
+/// A sampler with its seed. Different seeds give independent renderings, and
+/// the pixels of one rendering are independent of each other.
 #[derive(Clone, Copy, Debug)]
-pub struct RandomSampler {
+pub struct Sampler {
+    kind: SamplerKind,
     seed: u64,
 }
 
-impl RandomSampler {
-    /// A sampler; different seeds give independent renderings.
+impl Sampler {
+    /// A sampler of a kind.
     #[must_use]
-    pub fn new(seed: u64) -> Self {
-        Self { seed: mix(seed.wrapping_add(GAMMA)) }
+    pub fn new(kind: SamplerKind, seed: u64) -> Self {
+        Self { kind, seed: mix(seed.wrapping_add(GAMMA)) }
     }
 
     /// The numbers of one sample of one pixel, from dimension 0 on.
     #[must_use]
     pub fn stream(&self, pixel: u32, index: u32) -> SampleStream {
-        SampleStream { state: mix(self.seed ^ (u64::from(pixel) << 32 | u64::from(index))) }
+        // Halton's points belong together by pixel; random ones stand alone.
+        let state = match self.kind {
+            SamplerKind::Random => mix(self.seed ^ (u64::from(pixel) << 32 | u64::from(index))),
+            SamplerKind::Halton => mix(self.seed ^ u64::from(pixel) << 32),
+        };
+        SampleStream { kind: self.kind, state, index, dimension: 0 }
     }
 }
 
 /// The dimensions of one sample, drawn in turn.
 #[derive(Clone, Copy, Debug)]
 pub struct SampleStream {
+    kind: SamplerKind,
+    /// SplitMix64's state (Steele, Lea, Flood 2014); for Halton, the key of the pixel.
     state: u64,
+    index: u32,
+    dimension: u32,
 }
 
 impl SampleStream {
     /// The next dimension, uniform on [0, 1).
+    #[inline]
     pub fn next_1d(&mut self) -> f32 {
-        unit((self.next() >> 40) as u32)
+        match self.kind {
+            SamplerKind::Random => unit((self.next() >> 40) as u32),
+            SamplerKind::Halton => self.next_halton(),
+        }
     }
 
     /// The next two dimensions, uniform on [0, 1)².
+    #[inline]
     pub fn next_2d(&mut self) -> Vec2 {
-        let bits = self.next();
-        Vec2::new(unit((bits >> 40) as u32), unit((bits >> 16) as u32 & 0xff_ffff))
+        match self.kind {
+            SamplerKind::Random => {
+                let bits = self.next();
+                Vec2::new(unit((bits >> 40) as u32), unit((bits >> 16) as u32 & 0xff_ffff))
+            }
+            SamplerKind::Halton => Vec2::new(self.next_halton(), self.next_halton()),
+        }
     }
 
+    #[inline]
     fn next(&mut self) -> u64 {
         self.state = self.state.wrapping_add(GAMMA);
         mix(self.state)
+    }
+
+    #[cold]
+    fn next_halton(&mut self) -> f32 {
+        let dimension = self.dimension;
+        self.dimension += 1;
+        let key = mix(self.state.wrapping_add(GAMMA.wrapping_mul(u64::from(dimension) + 1)));
+        match halton::PRIMES.get(dimension as usize) {
+            Some(&base) => halton::scrambled_radical_inverse(self.index, base, key),
+            // So deep in a path, points of so few samples are as good as random.
+            None => unit((mix(key ^ u64::from(self.index)) >> 40) as u32),
+        }
     }
 }
 
@@ -65,45 +121,58 @@ fn unit(bits: u32) -> f32 {
 mod tests {
     use super::*;
 
+    const KINDS: [SamplerKind; 2] = [SamplerKind::Random, SamplerKind::Halton];
+
     #[test]
     fn streams_do_not_depend_on_the_order_of_queries() {
-        let sampler = RandomSampler::new(7);
-        let values = |pixel, index| {
-            let mut stream = sampler.stream(pixel, index);
-            [stream.next_1d(), stream.next_2d().x, stream.next_1d()]
-        };
-        let forward: Vec<_> = (0..100).map(|i| values(i / 10, i % 10)).collect();
-        let backward: Vec<_> = (0..100).rev().map(|i| values(i / 10, i % 10)).collect();
-        assert!(forward.iter().eq(backward.iter().rev()));
-        assert_ne!(values(3, 4), values(4, 3));
-        assert_ne!(forward[0][0], RandomSampler::new(8).stream(0, 0).next_1d());
+        for kind in KINDS {
+            let sampler = Sampler::new(kind, 7);
+            let values = |pixel, index| {
+                let mut stream = sampler.stream(pixel, index);
+                [stream.next_1d(), stream.next_2d().x, stream.next_1d()]
+            };
+            let forward: Vec<_> = (0..100).map(|i| values(i / 10, i % 10)).collect();
+            let backward: Vec<_> = (0..100).rev().map(|i| values(i / 10, i % 10)).collect();
+            assert!(forward.iter().eq(backward.iter().rev()));
+            assert_ne!(values(3, 4), values(4, 3));
+            assert_ne!(forward[0][0], Sampler::new(kind, 8).stream(0, 0).next_1d());
+        }
     }
 
     /// χ² over 16² cells of neighbouring dimensions, pixels and samples; the
     /// 0.9999 quantile of 255 degrees of freedom is 347.7.
+    fn chi2(pair: impl Fn(u32) -> (f32, f32)) -> f64 {
+        const COUNT: u32 = 65_536;
+        let mut cells = [0.0_f64; 256];
+        for i in 0..COUNT {
+            let (x, y) = pair(i);
+            assert!((0.0..1.0).contains(&x) && (0.0..1.0).contains(&y));
+            cells[(x * 16.0) as usize * 16 + (y * 16.0) as usize] += 1.0;
+        }
+        let expected = f64::from(COUNT) / 256.0;
+        cells.iter().map(|n| (n - expected).powi(2) / expected).sum()
+    }
+
     #[test]
     fn neighbours_are_uniform_and_independent() {
-        const COUNT: u32 = 65_536;
-        let sampler = RandomSampler::new(1);
-        let first = |pixel, index| sampler.stream(pixel, index).next_1d();
-        let pairs: [&dyn Fn(u32) -> (f32, f32); 4] = [
-            &|i| (first(i, 0), first(i + 1, 0)),
-            &|i| (first(0, i), first(0, i + 1)),
-            &|i| sampler.stream(i, 3).next_2d().into(),
-            &|i| {
-                let mut stream = sampler.stream(5, i);
-                (stream.next_1d(), stream.next_2d().y)
-            },
-        ];
-        for (case, pair) in pairs.iter().enumerate() {
-            let mut cells = [0.0_f64; 256];
-            for i in 0..COUNT {
-                let (x, y) = pair(i);
-                cells[(x * 16.0) as usize * 16 + (y * 16.0) as usize] += 1.0;
-            }
-            let expected = f64::from(COUNT) / 256.0;
-            let chi2: f64 = cells.iter().map(|n| (n - expected).powi(2) / expected).sum();
-            assert!(chi2 < 347.7, "case {case}: χ² = {chi2}");
+        for kind in KINDS {
+            let sampler = Sampler::new(kind, 1);
+            let dimension = |pixel, index, dimension| {
+                let mut stream = sampler.stream(pixel, index);
+                (0..=dimension).map(|_| stream.next_1d()).last().unwrap_or_default()
+            };
+            let pixels = chi2(|i| (dimension(i, 0, 0), dimension(i + 1, 0, 0)));
+            let plane = chi2(|i| sampler.stream(i, 3).next_2d().into());
+            let deep = chi2(|i| (dimension(i, 5, 3), dimension(i, 5, 70)));
+            assert!(
+                pixels < 347.7 && plane < 347.7 && deep < 347.7,
+                "{kind:?}: {pixels} {plane} {deep}"
+            );
         }
+        let random = Sampler::new(SamplerKind::Random, 1);
+        let first = |index| random.stream(0, index).next_1d();
+        assert!(chi2(|i| (first(i), first(i + 1))) < 347.7);
+        // The test must see numbers that are not independent.
+        assert!(chi2(|i| (first(i), first(i))) > 347.7);
     }
 }

@@ -21,6 +21,12 @@ pub struct Triangle {
 }
 
 impl Triangle {
+    /// The point at the barycentric weights of the second and third corner.
+    #[must_use]
+    pub fn position(&self, barycentric: Vec2) -> Vec3A {
+        interpolate(self.positions, barycentric)
+    }
+
     /// The vector whose length is twice the area, along the geometric normal.
     #[must_use]
     pub fn area_vector(&self) -> Vec3A {
@@ -100,10 +106,38 @@ impl Scene {
         format!("{}:{digest}", self.name)
     }
 
+    /// The radiance that a point of a triangle emits, to either side.
+    pub(crate) fn emission(&self, triangle: &Triangle, barycentric: Vec2) -> Vec3A {
+        let material = &self.materials[triangle.material as usize];
+        material.emission * textured(material.emission_texture.as_deref(), triangle, barycentric)
+    }
+
+    /// The reflectance or base colour of a point of a triangle.
+    pub(crate) fn color(&self, triangle: &Triangle, barycentric: Vec2) -> Vec3A {
+        let material = &self.materials[triangle.material as usize];
+        material.color * textured(material.color_texture.as_deref(), triangle, barycentric)
+    }
+
     /// The corners of the axis-aligned bounding box.
     #[must_use]
     pub fn bounds(&self) -> (Vec3A, Vec3A) {
         bounds(&self.triangles)
+    }
+}
+
+/// A quantity given at the corners, at the barycentric weights of the second and third.
+pub(crate) fn interpolate<T>([a, b, c]: [T; 3], Vec2 { x: u, y: v }: Vec2) -> T
+where
+    T: Copy + std::ops::Add<Output = T> + std::ops::Mul<f32, Output = T>,
+{
+    a * (1.0 - u - v) + b * u + c * v
+}
+
+/// What a texture says there; white without one, or without texture coordinates.
+fn textured(texture: Option<&Texture>, triangle: &Triangle, barycentric: Vec2) -> Vec3A {
+    match (texture, triangle.uvs) {
+        (Some(texture), Some(uvs)) => texture.sample(interpolate(uvs, barycentric)),
+        _ => Vec3A::ONE,
     }
 }
 

@@ -1,17 +1,19 @@
 //! `nst render`: scene → sequence → transformation → pictures.
 
-use std::path::PathBuf;
-
 use indicatif::{ProgressBar, ProgressStyle};
 use nst_core::Estimates;
 use nst_render::{
-    Keep, RenderSettings, Rendering, Scene, VARIANCE, film, output::OutputFile, render,
+    Keep, RenderSettings, Rendering, Scene, VARIANCE,
+    dataset::{DatasetInfo, DatasetWriter},
+    film,
+    output::OutputFile,
+    render,
     sequence_file::SequenceFile,
 };
 
 use super::set_threads;
 use crate::{
-    args::{KeepArg, RenderArgs},
+    args::{IntegratorArg, KeepArg, RenderArgs},
     error::Error,
     method::{DEFAULT_WINDOW, Method},
     summary::{RenderStats, Stopwatch, timed},
@@ -19,32 +21,36 @@ use crate::{
 
 pub(crate) fn run(args: &RenderArgs) -> Result<(), Error> {
     set_threads(&args.common)?;
+    match args.runs {
+        Some(runs) => dataset(args, runs),
+        None => picture(args),
+    }
+}
+
+fn picture(args: &RenderArgs) -> Result<(), Error> {
     let mut watch = Stopwatch::start();
     let scene = timed(&mut watch.io, || load_scene(args))?;
+    let exr_path = args.output(&scene.name)?;
     let method = Method::resolve(&args.method, &scene.fingerprint(), args.spp)?;
     let advice = format!("use --spp {} or more, or --transform none", method.transform.window());
     method.check_terms(args.spp as usize, &advice)?;
 
     // Created now, so that a place that cannot be written to is found out early.
-    let exr_path =
-        args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}.exr", scene.name)));
     let mut exr = OutputFile::create(&exr_path)?;
     let mut png = OutputFile::create(&exr_path.with_extension("png"))?;
     let mut sequence = args.sequence.as_deref().map(OutputFile::create).transpose()?;
 
-    if !(args.common.quiet || args.common.json) {
+    let silent = args.common.quiet || args.common.json;
+    if !silent {
         describe(&scene, args.spp);
     }
-    let settings = RenderSettings {
-        spp: args.spp,
-        seed: args.seed,
-        keep: match args.keep {
-            KeepArg::All => Keep::All,
-            KeepArg::Window => Keep::Window(method.transform.window().max(DEFAULT_WINDOW) as u32),
-        },
+    let keep = match args.keep {
+        KeepArg::All => Keep::All,
+        KeepArg::Window => Keep::Window(method.transform.window().max(DEFAULT_WINDOW) as u32),
     };
-    let paths = u64::from(scene.size[0]) * u64::from(scene.size[1]) * u64::from(args.spp);
-    let bar = progress_bar(paths, args.common.quiet || args.common.json);
+    let settings = settings(args, keep);
+    let paths = paths(&scene, args.spp);
+    let bar = progress_bar(paths, silent);
     let Rendering { batch, time } = render(&scene, &settings, &|paths| bar.inc(paths))?;
     bar.finish_and_clear();
 
@@ -62,7 +68,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Error> {
                 size: scene.size,
                 batch,
                 scene: scene.fingerprint(),
-                sampler: "random".to_owned(),
+                sampler: settings.sampler.name().to_owned(),
                 seed: args.seed,
                 render_seconds: time.as_secs_f32(),
             };
@@ -80,10 +86,52 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Error> {
     Ok(())
 }
 
+/// Renders `runs` times with all terms kept, straight to a file.
+fn dataset(args: &RenderArgs, runs: u32) -> Result<(), Error> {
+    let scene = load_scene(args)?;
+    let path = args.output(&scene.name)?;
+    let settings = settings(args, Keep::All);
+    let info = DatasetInfo {
+        size: scene.size,
+        runs,
+        terms: args.spp,
+        scene: scene.fingerprint(),
+        sampler: settings.sampler.name().to_owned(),
+        first_seed: args.seed,
+    };
+    let mut writer = DatasetWriter::new(OutputFile::create(&path)?, info)?;
+    let silent = args.common.quiet || args.common.json;
+    if !silent {
+        describe(&scene, args.spp);
+    }
+    let bar = progress_bar(paths(&scene, args.spp) * u64::from(runs), silent);
+    for run in 0..u64::from(runs) {
+        let settings = RenderSettings { seed: args.seed.wrapping_add(run), ..settings };
+        writer.push(&render(&scene, &settings, &|paths| bar.inc(paths))?.batch)?;
+    }
+    bar.finish_and_clear();
+    writer.finish()?;
+    if !silent {
+        println!("wrote      {} ({runs} runs)", path.display());
+    }
+    Ok(())
+}
+
+fn settings(args: &RenderArgs, keep: Keep) -> RenderSettings {
+    RenderSettings { spp: args.spp, sampler: args.sampler.into(), seed: args.seed, keep }
+}
+
+fn paths(scene: &Scene, spp: u32) -> u64 {
+    u64::from(scene.size[0]) * u64::from(scene.size[1]) * u64::from(spp)
+}
+
 fn load_scene(args: &RenderArgs) -> Result<Scene, Error> {
     let mut scene = Scene::load(&args.scene)?;
     scene.size = args.size.unwrap_or(scene.size);
-    scene.max_depth = args.max_depth.unwrap_or(scene.max_depth);
+    scene.max_depth = match args.integrator {
+        Some(IntegratorArg::Direct) => 2,
+        _ => args.max_depth.unwrap_or(scene.max_depth),
+    };
     scene.pixel_filter = args.pixel.into();
     Ok(scene)
 }
