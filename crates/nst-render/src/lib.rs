@@ -26,6 +26,7 @@ mod scene;
 pub mod sequence_file;
 mod sidecar;
 mod texture;
+mod traversal;
 
 pub use camera::{Camera, PixelFilter};
 pub use error::Error;

@@ -62,7 +62,7 @@ impl<'a> PathTracer<'a> {
         let mut pdf_bsdf = None;
 
         for vertex in 1..=self.scene.max_depth {
-            let Some(hit) = self.accelerator.intersect(ray) else {
+            let Some(hit) = self.accelerator.intersect(&ray) else {
                 let pdf_light = self.lights.pdf_escape(ray.direction);
                 let weight = pdf_bsdf.map_or(1.0, |pdf| power_heuristic(pdf, pdf_light));
                 return radiance
@@ -125,7 +125,7 @@ impl<'a> PathTracer<'a> {
             }
             None => Ray::new_inf(origin, light.wi),
         };
-        if self.accelerator.occluded(shadow_ray) {
+        if self.accelerator.occluded(&shadow_ray) {
             return Vec3A::ZERO;
         }
         light.radiance * (cosine / light.pdf * power_heuristic(light.pdf, cosine / PI))
