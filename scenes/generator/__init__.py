@@ -1,0 +1,1 @@
+"""Writes the scenes that come from formulas: see README.md."""
