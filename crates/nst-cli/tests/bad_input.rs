@@ -172,7 +172,10 @@ fn weights() {
 #[test]
 fn no_adapter() {
     let bench = Bench::new();
-    let args = format!("render --scene {} --spp 8 --size 8x8 --backend gpu", cornell());
+    let args = format!(
+        "render --scene {} --spp 8 --size 8x8 --backend gpu --transform families",
+        cornell()
+    );
     let none = [("VK_DRIVER_FILES", "/nonexistent"), ("VK_ICD_FILENAMES", "/nonexistent")];
     fails_with(&bench, &args, &none, 1, &["--backend gpu", "adapter", "--backend cpu"]);
 }

@@ -88,10 +88,20 @@ impl SequenceBatch {
         self.terms.view()
     }
 
+    /// Term k of all lanes.
+    ///
+    /// # Panics
+    /// If fewer terms are stored.
+    #[must_use]
+    pub fn term(&self, k: usize) -> &[f32] {
+        let values = self.terms.as_slice().expect("the constructor makes the layout standard");
+        &values[k * self.lanes()..(k + 1) * self.lanes()]
+    }
+
     /// The best plain estimate of each lane: S_N, the last term.
     #[must_use]
     pub fn last(&self) -> &[f32] {
-        &self.values()[self.values().len() - self.lanes()..]
+        self.term(self.sample_counts.len() - 1)
     }
 
     /// The last `length` terms, `[term][lane]`, oldest first; `None` if fewer are stored.
@@ -126,10 +136,6 @@ impl SequenceBatch {
     /// All side channels, by name.
     pub fn sides(&self) -> impl Iterator<Item = (&str, &[f32])> {
         self.side.iter().map(|(name, values)| (name.as_str(), values.as_slice()))
-    }
-
-    fn values(&self) -> &[f32] {
-        self.terms.as_slice().expect("the constructor makes the layout standard")
     }
 }
 

@@ -1,10 +1,14 @@
 //! Pictures: EXR with layers, PNG for the screen, and reading either back.
 
-use std::{collections::BTreeMap, path::Path};
+use std::path::Path;
 
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
-use crate::{Error, exr_file::ExrFile, output::OutputFile};
+use crate::{
+    Error,
+    exr_file::{self, Attributes, Channels, ExrFile},
+    output::OutputFile,
+};
 
 const RGB: [&str; 3] = ["R", "G", "B"];
 
@@ -14,9 +18,9 @@ fn channel_name(layer: &str, channel: &str) -> String {
 }
 
 /// Adds a layer of planar lanes to the channels of a file.
-pub(crate) fn insert_layer(channels: &mut BTreeMap<String, Vec<f32>>, layer: &str, lanes: &[f32]) {
+pub(crate) fn insert_layer<'a>(channels: &mut Channels<'a>, layer: &str, lanes: &'a [f32]) {
     for (channel, values) in RGB.iter().zip(lanes.chunks_exact(lanes.len() / RGB.len())) {
-        channels.insert(channel_name(layer, channel), values.to_vec());
+        channels.insert(channel_name(layer, channel), values);
     }
 }
 
@@ -40,12 +44,12 @@ pub fn write_exr(
     rgb: &[f32],
     layers: &[(&str, &[f32])],
 ) -> Result<(), Error> {
-    let mut channels = BTreeMap::new();
+    let mut channels = Channels::new();
     insert_layer(&mut channels, "", rgb);
     for (name, lanes) in layers {
         insert_layer(&mut channels, name, lanes);
     }
-    ExrFile { size, channels, attributes: BTreeMap::new() }.write(output)
+    exr_file::write(output, size, channels, Attributes::new())
 }
 
 /// Writes an 8-bit PNG: planar linear lanes, clamped to [0, 1] and encoded by the

@@ -89,7 +89,7 @@ pub fn render(
     let planes = Planes::new(settings);
     let pixels = pixels as usize;
     let lanes = CHANNELS * pixels;
-    let result = Mutex::new(vec![0.0_f32; planes.count() * lanes]);
+    let result = Mutex::new(Accumulated::new(planes, lanes));
     let frame = Frame {
         tracer: PathTracer::new(scene),
         projection: Projection::new(&scene.camera, scene.size),
@@ -103,10 +103,7 @@ pub fn render(
         let tile = Tile::new(tile % tiles_x, tile / tiles_x, width, height);
         let values = frame.tile(&tile);
         let mut result = result.lock().unwrap_or_else(PoisonError::into_inner);
-        // Both are [plane][channel][pixel].
-        for (image, values) in
-            result.chunks_exact_mut(pixels).zip(values.chunks_exact(tile.pixels()))
-        {
+        for (image, values) in result.images(pixels).zip(values.chunks_exact(tile.pixels())) {
             for (y, row) in (tile.y..).zip(values.chunks_exact(tile.width as usize)) {
                 let first = (y * width + tile.x) as usize;
                 image[first..][..row.len()].copy_from_slice(row);
@@ -116,7 +113,7 @@ pub fn render(
         progress(tile.pixels() as u64 * u64::from(settings.spp));
     });
     let result = result.into_inner().unwrap_or_else(PoisonError::into_inner);
-    Ok(Rendering { batch: planes.batch(result, lanes)?, time: start.elapsed() })
+    Ok(Rendering { batch: result.batch(planes, lanes)?, time: start.elapsed() })
 }
 
 /// Which numbers are recorded per lane, in this order: the kept terms, the fold
@@ -149,18 +146,34 @@ impl Planes {
     fn count(&self) -> usize {
         self.terms() + self.folds() + usize::from(self.spp >= 2)
     }
+}
 
-    /// Splits `[plane][lane]` into terms and side channels.
-    fn batch(&self, mut planes: Vec<f32>, lanes: usize) -> Result<SequenceBatch, Error> {
-        let names = (0..self.folds()).map(fold_name).chain([VARIANCE.to_owned()]);
-        let names: Vec<_> = names.take(self.count() - self.terms()).collect();
-        // From the end, so that the terms stay where they are.
-        let split = |plane: usize| planes.split_off(plane * lanes);
-        let sides: Vec<_> = (self.terms()..self.count()).rev().map(split).collect();
-        let terms = Array2::from_shape_vec((self.terms(), lanes), planes)
+/// The recorded numbers of the whole picture, in the layout of a batch.
+struct Accumulated {
+    /// `[term][channel][pixel]`
+    terms: Vec<f32>,
+    /// Each `[channel][pixel]`.
+    sides: Vec<Vec<f32>>,
+}
+
+impl Accumulated {
+    fn new(planes: Planes, lanes: usize) -> Self {
+        let sides = planes.count() - planes.terms();
+        Self { terms: vec![0.0; planes.terms() * lanes], sides: vec![vec![0.0; lanes]; sides] }
+    }
+
+    /// The images of one channel of one plane, in the order of [`Frame::tile`].
+    fn images(&mut self, pixels: usize) -> impl Iterator<Item = &mut [f32]> {
+        let sides = self.sides.iter_mut().flat_map(move |side| side.chunks_exact_mut(pixels));
+        self.terms.chunks_exact_mut(pixels).chain(sides)
+    }
+
+    fn batch(self, planes: Planes, lanes: usize) -> Result<SequenceBatch, Error> {
+        let terms = Array2::from_shape_vec((planes.terms(), lanes), self.terms)
             .map_err(|error| Error::Settings(error.to_string()))?;
-        let mut batch = SequenceBatch::new(terms, (self.first_term..=self.spp).collect())?;
-        for (name, values) in names.into_iter().zip(sides.into_iter().rev()) {
+        let mut batch = SequenceBatch::new(terms, (planes.first_term..=planes.spp).collect())?;
+        let names = (0..planes.folds()).map(fold_name).chain([VARIANCE.to_owned()]);
+        for (name, values) in names.zip(self.sides) {
             batch.set_side(&name, values)?;
         }
         Ok(batch)

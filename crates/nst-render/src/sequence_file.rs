@@ -1,14 +1,14 @@
 //! Sequences as EXR files: R, G, B hold S_N; the layer `S0008` the term of 8
 //! samples, and so on; `fold0` … and `Variance` the side channels.
 
-use std::{collections::BTreeMap, path::Path};
+use std::path::Path;
 
 use ndarray::Array2;
 use nst_core::SequenceBatch;
 
 use crate::{
     Error,
-    exr_file::{Attribute, ExrFile},
+    exr_file::{self, Attribute, Channels, ExrFile},
     film::{insert_layer, take_layer},
     output::OutputFile,
 };
@@ -44,11 +44,10 @@ impl SequenceFile {
     /// [`Error::Io`] if it cannot be written.
     pub fn write(&self, output: &mut OutputFile) -> Result<(), Error> {
         let batch = &self.batch;
-        let mut channels = BTreeMap::new();
+        let mut channels = Channels::new();
         insert_layer(&mut channels, "", batch.last());
-        for (count, term) in batch.sample_counts().iter().zip(batch.terms().rows()) {
-            let term = term.to_slice().expect("a term is contiguous");
-            insert_layer(&mut channels, &term_name(*count), term);
+        for (k, count) in batch.sample_counts().iter().enumerate() {
+            insert_layer(&mut channels, &term_name(*count), batch.term(k));
         }
         for (name, values) in batch.sides() {
             insert_layer(&mut channels, name, values);
@@ -67,7 +66,7 @@ impl SequenceFile {
             ("renderTimeSeconds", Attribute::F32(self.render_seconds)),
         ];
         let attributes = attributes.map(|(name, value)| (name.to_owned(), value)).into();
-        ExrFile { size: self.size, channels, attributes }.write(output)
+        exr_file::write(output, self.size, channels, attributes)
     }
 
     /// Reads a file that [`SequenceFile::write`] wrote.
