@@ -1,0 +1,166 @@
+//! How surfaces scatter light: bidirectional scattering distribution functions.
+//!
+//! Every direction is a unit vector in the local frame of the surface, points
+//! away from it, and has z along the shading normal. `wo` is where light goes,
+//! to the camera; `wi` is where it comes from, and what paths sample.
+//!
+//! The frame must not depend on `wo`: z is the *outward* side of the surface, the
+//! side that its geometric normal points to, and `wo.z < 0` means a look from
+//! behind. A frame that is turned to face `wo` makes no difference to Lambert and
+//! Disney, which are alike on both sides, but a dielectric would never be left.
+//! Light passes through a surface if and only if `wo.z · wi.z < 0`; where normals
+//! are interpolated, the caller compares that with the geometric normal.
+
+mod dielectric;
+mod disney;
+mod energy;
+mod frame;
+mod microfacet;
+
+#[cfg(test)]
+mod chi2;
+#[cfg(test)]
+mod reference;
+#[cfg(test)]
+mod tests;
+
+use std::f32::consts::{FRAC_1_PI, TAU};
+
+use glam::{Vec2, Vec3A};
+
+use crate::{Material, Scattering};
+
+pub(crate) use {
+    dielectric::Dielectric,
+    disney::{DisneyBsdf, PreparedDisney},
+    frame::Frame,
+};
+
+/// What a material's scattering needs at every hit, computed once per material.
+#[derive(Clone, Debug)]
+pub(crate) enum Prepared {
+    Lambert,
+    Disney(Box<PreparedDisney>),
+    Dielectric(Dielectric),
+}
+
+/// The scattering at one point of a surface.
+#[derive(Clone, Debug)]
+pub(crate) enum Bsdf<'a> {
+    Lambert { reflectance: Vec3A },
+    Disney(DisneyBsdf<'a>),
+    Dielectric(Dielectric),
+}
+
+/// A direction that light may come from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BsdfSample {
+    pub(crate) wi: Vec3A,
+    /// f · |cos θi| / pdf.
+    pub(crate) weight: Vec3A,
+    /// Density of `wi` with respect to solid angle; 0, and of no use, if `delta`.
+    pub(crate) pdf: f32,
+    /// Whether `wi` is one of a few possible directions, which no other technique finds.
+    pub(crate) delta: bool,
+}
+
+impl Prepared {
+    /// For Disney, this tabulates how much light is reflected: milliseconds.
+    pub(crate) fn new(material: &Material) -> Self {
+        match material.scattering {
+            Scattering::Lambert => Self::Lambert,
+            Scattering::Disney(parameters) => {
+                Self::Disney(Box::new(PreparedDisney::new(&parameters, colors(material))))
+            }
+            Scattering::Dielectric { ior } => Self::Dielectric(Dielectric::new(ior)),
+        }
+    }
+
+    /// The scattering where the reflectance or base colour, texture included, is
+    /// `color`. A dielectric has none.
+    #[inline]
+    pub(crate) fn at(&self, color: Vec3A) -> Bsdf<'_> {
+        match self {
+            Self::Lambert => Bsdf::Lambert { reflectance: color },
+            Self::Disney(disney) => Bsdf::Disney(disney.at(color)),
+            Self::Dielectric(dielectric) => Bsdf::Dielectric(*dielectric),
+        }
+    }
+}
+
+/// Colours whose convex hull holds every colour of the material.
+fn colors(material: &Material) -> impl Iterator<Item = Vec3A> {
+    let texels = material.color_texture.as_ref().map_or(&[[1.0; 3]][..], |t| t.texels());
+    texels.iter().map(|&texel| material.color * Vec3A::from(texel))
+}
+
+impl Bsdf<'_> {
+    /// f(wo, wi) · |cos θi|; zero for a delta distribution.
+    #[inline]
+    pub(crate) fn eval(&self, wo: Vec3A, wi: Vec3A) -> Vec3A {
+        self.eval_pdf(wo, wi).0
+    }
+
+    /// The density of `sample` with respect to solid angle at `wi`; zero for a
+    /// delta distribution. Its integral over `wi` falls short of 1 by the
+    /// probability that `sample` returns `None`.
+    #[inline]
+    pub(crate) fn pdf(&self, wo: Vec3A, wi: Vec3A) -> f32 {
+        self.eval_pdf(wo, wi).1
+    }
+
+    /// [`Self::eval`] and [`Self::pdf`], for little more than the price of one.
+    #[inline]
+    pub(crate) fn eval_pdf(&self, wo: Vec3A, wi: Vec3A) -> (Vec3A, f32) {
+        match self {
+            Self::Lambert { reflectance } if wo.z * wi.z > 0.0 => {
+                let pdf = wi.z.abs() * FRAC_1_PI;
+                (*reflectance * pdf, pdf)
+            }
+            Self::Disney(disney) => disney.eval_pdf(wo, wi),
+            Self::Lambert { .. } | Self::Dielectric(_) => (Vec3A::ZERO, 0.0),
+        }
+    }
+
+    /// Draws `wi` with `u` and `u2` uniform on [0, 1) and [0, 1)². `None` is a
+    /// sample too: one that carries no light.
+    #[inline]
+    pub(crate) fn sample(&self, wo: Vec3A, u: f32, u2: Vec2) -> Option<BsdfSample> {
+        match self {
+            Self::Lambert { reflectance } => {
+                let wi = cosine_hemisphere(u2).with_z_towards(wo);
+                let pdf = wi.z.abs() * FRAC_1_PI;
+                (pdf > 0.0).then_some(BsdfSample { wi, weight: *reflectance, pdf, delta: false })
+            }
+            Self::Disney(disney) => disney.sample(wo, u, u2),
+            Self::Dielectric(dielectric) => dielectric.sample(wo, u),
+        }
+    }
+
+    /// Whether every sample is a delta sample, so that light sampling is in vain.
+    #[inline]
+    pub(crate) fn is_delta(&self) -> bool {
+        matches!(self, Self::Dielectric(_))
+    }
+}
+
+/// A direction above the surface, with density cos θ / π with respect to solid angle.
+#[inline]
+fn cosine_hemisphere(u2: Vec2) -> Vec3A {
+    let (sin_phi, cos_phi) = (TAU * u2.x).sin_cos();
+    let radius = u2.y.sqrt();
+    Vec3A::new(radius * cos_phi, radius * sin_phi, (1.0 - u2.y).max(0.0).sqrt())
+}
+
+/// Mirrors directions in the surface.
+trait Side {
+    /// The direction, mirrored if need be to be on the side of `wo`.
+    fn with_z_towards(self, wo: Vec3A) -> Self;
+}
+
+impl Side for Vec3A {
+    #[inline]
+    fn with_z_towards(self, wo: Vec3A) -> Self {
+        Self::new(self.x, self.y, self.z.abs().copysign(wo.z))
+    }
+}
