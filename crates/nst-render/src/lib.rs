@@ -9,7 +9,6 @@
 //! channels R, G, B in linear sRGB primaries and y counted from the top.
 
 mod accelerator;
-#[cfg_attr(not(test), expect(dead_code, unused_imports))]
 mod bsdf;
 mod camera;
 pub mod dataset;

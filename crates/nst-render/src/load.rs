@@ -60,6 +60,7 @@ impl Scene {
             camera,
             size,
             max_depth,
+            russian_roulette: true,
             pixel_filter: Default::default(),
             environment: Environment { radiance: environment, image: None },
             defaults,

@@ -27,6 +27,14 @@ impl Triangle {
         interpolate(self.positions, barycentric)
     }
 
+    /// The direction in which u grows over the surface; zero without texture coordinates.
+    pub(crate) fn tangent(&self) -> Vec3A {
+        let Some([a, b, c]) = self.uvs else { return Vec3A::ZERO };
+        let (du, dv) = (b - a, c - a);
+        let [p, q, r] = self.positions;
+        ((q - p) * dv.y - (r - p) * du.y) * (du.x * dv.y - dv.x * du.y).signum()
+    }
+
     /// The vector whose length is twice the area, along the geometric normal.
     #[must_use]
     pub fn area_vector(&self) -> Vec3A {
@@ -60,6 +68,8 @@ pub struct Scene {
     /// Path vertices after the camera that may scatter or emit: 1 shows lights
     /// only, 2 adds direct light.
     pub max_depth: u32,
+    /// Whether Russian roulette may end paths early; it changes the noise, not the mean.
+    pub russian_roulette: bool,
     /// How positions within a pixel are chosen.
     pub pixel_filter: PixelFilter,
     /// Light from outside the scene.

@@ -96,7 +96,7 @@ fn colors(material: &Material) -> impl Iterator<Item = Vec3A> {
 
 impl Bsdf<'_> {
     /// f(wo, wi) · |cos θi|; zero for a delta distribution.
-    #[inline]
+    #[cfg(test)]
     pub(crate) fn eval(&self, wo: Vec3A, wi: Vec3A) -> Vec3A {
         self.eval_pdf(wo, wi).0
     }
@@ -104,7 +104,7 @@ impl Bsdf<'_> {
     /// The density of `sample` with respect to solid angle at `wi`; zero for a
     /// delta distribution. Its integral over `wi` falls short of 1 by the
     /// probability that `sample` returns `None`.
-    #[inline]
+    #[cfg(test)]
     pub(crate) fn pdf(&self, wo: Vec3A, wi: Vec3A) -> f32 {
         self.eval_pdf(wo, wi).1
     }

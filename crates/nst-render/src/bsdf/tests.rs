@@ -11,13 +11,13 @@ use super::{
     Bsdf, Frame, Prepared, PreparedDisney,
     chi2::{Lens, QUADRATURE_ERROR, assert_follows, follows},
 };
-use crate::{Disney, Material, RandomSampler, SampleStream, Scattering, Texture};
+use crate::{Disney, Material, SampleStream, Sampler, SamplerKind, Scattering, Texture};
 
 const COUNT: u32 = 20_000;
 const COLOR: Vec3A = Vec3A::new(0.9, 0.5, 0.2);
 
 pub(super) fn random(seed: u64) -> SampleStream {
-    RandomSampler::new(seed).stream(0, 0)
+    Sampler::new(SamplerKind::Random, seed).stream(0, 0)
 }
 
 /// Uniform on the sphere.
