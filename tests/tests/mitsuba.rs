@@ -1,0 +1,118 @@
+//! The mean image of each scene against Mitsuba 3, by a z-test per lane.
+//! `tests/peers/mitsuba_reference.py` made the references.
+
+use std::path::{Path, PathBuf};
+
+use nst_render::{Keep, RenderSettings, SamplerKind, Scene, VARIANCE, film, render};
+use nst_tests::image_test::{Comparison, Estimate, compare};
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("a workspace member").to_owned()
+}
+
+fn scene(name: &str) -> Scene {
+    let path = repository().join(format!("scenes/{name}/{name}.obj"));
+    let scene = Scene::load(&path).expect("the scene is part of the repository");
+    Scene { size: [64, 64], ..scene }
+}
+
+/// A mean image, and the variance of the mean.
+struct Image {
+    mean: Vec<f32>,
+    variance: Vec<f32>,
+}
+
+impl Image {
+    fn reference(name: &str) -> Self {
+        let path = repository().join(format!("tests/data/reference/{name}-64.exr"));
+        let (size, mean) = film::read_exr_layer(&path, "").expect("the reference");
+        let (_, variance) = film::read_exr_layer(&path, VARIANCE).expect("its variance");
+        assert_eq!(size, [64, 64]);
+        Self { mean, variance }
+    }
+
+    fn render(scene: &Scene, spp: u32, sampler: SamplerKind, seed: u64) -> Self {
+        let settings = RenderSettings { spp, sampler, seed, keep: Keep::Window(1) };
+        let batch = render(scene, &settings, &|_| {}).expect("the scene renders").batch;
+        let variance = batch.side(VARIANCE).expect("a variance").to_vec();
+        Self { mean: batch.last().to_vec(), variance }
+    }
+
+    fn compare(&self, other: &Self) -> Comparison {
+        let estimate = |image| {
+            let Self { mean, variance } = image;
+            Estimate { mean, variance }
+        };
+        compare(estimate(self), estimate(other))
+    }
+}
+
+/// Renders a scene and compares it with its reference. The test is about at
+/// least `share` of the lanes, and must see what is wrong by two per cent.
+fn assert_agrees(name: &str, scene: &Scene, spp: u32, share: f64) {
+    let reference = Image::reference(name);
+    let ours = Image::render(scene, spp, SamplerKind::Random, 1);
+    let comparison = ours.compare(&reference);
+    eprintln!("{name}: {comparison:?}");
+    assert!(comparison.same(), "{name}: {comparison:?}");
+    let tested = (comparison.compared + comparison.exact) as f64 / ours.mean.len() as f64;
+    assert!(tested >= share, "{name}: only {tested} of the lanes were compared");
+
+    let mean = ours.mean.iter().map(|x| 1.02 * x).collect();
+    let brighter = Image { mean, variance: ours.variance };
+    assert!(!brighter.compare(&reference).same(), "{name}");
+}
+
+#[test]
+fn cornell_to_depth_8() {
+    let scene = scene("cornell");
+    assert_agrees("cornell", &scene, 4096, 0.9);
+    // A bounce less must be seen, too.
+    let fewer = Image::render(&Scene { max_depth: 7, ..scene }, 4096, SamplerKind::Random, 2);
+    assert!(!fewer.compare(&Image::reference("cornell")).same());
+}
+
+#[test]
+fn cornell_direct() {
+    let scene = Scene { max_depth: 2, ..scene("cornell") };
+    assert_agrees("cornell-direct", &scene, 2048, 0.9);
+}
+
+#[test]
+fn planes() {
+    for name in ["plane-lambert", "plane-ggx"] {
+        assert_agrees(name, &scene(name), 2048, 0.9);
+    }
+}
+
+#[test]
+fn teapots() {
+    for name in ["teapot-diffuse", "teapot-glossy"] {
+        assert_agrees(name, &scene(name), 2048, 0.9);
+    }
+}
+
+#[test]
+fn many_lights() {
+    assert_agrees("many-lights", &scene("many-lights"), 4096, 0.9);
+}
+
+/// Light through the glass finds its source by chance alone, so that most of
+/// the caustic is too noisy for a test per lane.
+#[test]
+fn caustic() {
+    assert_agrees("caustic", &scene("caustic"), 4096, 0.5);
+}
+
+/// The variance of random samples bounds that of Halton's.
+#[test]
+fn halton_has_the_same_mean() {
+    let scene = scene("many-lights");
+    let random = Image::render(&scene, 512, SamplerKind::Random, 3);
+    let halton = Image::render(&scene, 512, SamplerKind::Halton, 4);
+    let halton = Image { variance: random.variance.clone(), ..halton };
+    let comparison = halton.compare(&random);
+    assert!(comparison.same(), "{comparison:?}");
+    let darker = Image { mean: halton.mean.iter().map(|x| 0.98 * x).collect(), ..halton };
+    assert!(!darker.compare(&random).same());
+}
