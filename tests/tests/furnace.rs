@@ -39,6 +39,7 @@ fn cube(diffuse: Vec3A, emission: Vec3A, environment: Vec3A, position: Vec3A) ->
         camera: Camera { position, target: Vec3A::ZERO, up: Vec3A::Y, vertical_fov: 60.0 },
         size: [16, 16],
         max_depth: 8,
+        russian_roulette: true,
         pixel_filter: Default::default(),
         environment: Environment { radiance: environment, image: None },
         defaults: vec![],

@@ -22,7 +22,6 @@ mod render;
 mod sampler;
 mod scene;
 pub mod sequence_file;
-mod sidecar;
 mod texture;
 
 pub use camera::{Camera, PixelFilter};

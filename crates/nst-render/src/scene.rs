@@ -54,6 +54,9 @@ pub struct Scene {
     /// Path vertices after the camera that may scatter or emit: 1 shows lights
     /// only, 2 adds direct light.
     pub max_depth: u32,
+    /// Whether long paths end at random, as their throughput falls; it changes
+    /// the noise and the time, but no integral.
+    pub russian_roulette: bool,
     /// How positions within a pixel are chosen.
     pub pixel_filter: PixelFilter,
     /// Light from outside the scene.
