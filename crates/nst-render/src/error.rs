@@ -27,7 +27,7 @@ pub enum Error {
     /// An image or sequence file is malformed, or is not what it is used as.
     #[error("'{}': {message}", path.display())]
     Image {
-        /// The EXR or PNG file.
+        /// The image file.
         path: PathBuf,
         /// What is wrong, and what to do about it.
         message: String,

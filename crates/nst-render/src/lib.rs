@@ -25,7 +25,6 @@ mod render;
 mod sampler;
 mod scene;
 pub mod sequence_file;
-mod sidecar;
 mod texture;
 mod traversal;
 

@@ -1,0 +1,285 @@
+//! Textures from image files.
+
+use std::{
+    collections::HashMap,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use image::{ColorType, DynamicImage, ImageReader, Limits};
+
+use super::mtl::RADIANCE;
+use crate::{Error, Texture, exr_file::ExrFile};
+
+/// The most memory that one image may take.
+const MOST_BYTES: u64 = 1 << 31;
+/// The most that a byte of a file may decode to: formats compress one colour to
+/// some thousandth. A header that promises more is malformed.
+const MOST_BYTES_PER_BYTE: u64 = 1 << 16;
+
+/// The images of a scene; each file is read once.
+#[derive(Default)]
+pub(super) struct Images {
+    loaded: HashMap<PathBuf, Arc<Texture>>,
+    /// Those of `loaded` that had texels above 1, limited to 1.
+    limited: HashMap<PathBuf, Arc<Texture>>,
+}
+
+/// The file that a scene file means by `name`: beside it, with the slashes of
+/// either system; a folder that only the author had is left out.
+pub(super) fn find(scene_file: &Path, name: &str) -> PathBuf {
+    let name = name.replace('\\', "/");
+    let path = scene_file.with_file_name(&name);
+    let last = name.rsplit('/').next().filter(|last| !last.is_empty());
+    match last.map(|last| scene_file.with_file_name(last)) {
+        Some(beside) if !path.exists() && beside.exists() => beside,
+        _ => path,
+    }
+}
+
+impl Images {
+    /// An image of radiance: texels are finite and not negative.
+    pub(super) fn radiance(
+        &mut self,
+        path: &Path,
+        defaults: &mut Vec<String>,
+    ) -> Result<Arc<Texture>, Error> {
+        if let Some(texture) = self.loaded.get(path) {
+            return Ok(texture.clone());
+        }
+        let texture = Arc::new(read(path, defaults)?);
+        self.loaded.insert(path.to_owned(), texture.clone());
+        Ok(texture)
+    }
+
+    /// An image of reflectance: texels are within 0 and 1.
+    pub(super) fn reflectance(
+        &mut self,
+        path: &Path,
+        defaults: &mut Vec<String>,
+    ) -> Result<Arc<Texture>, Error> {
+        if let Some(texture) = self.limited.get(path) {
+            return Ok(texture.clone());
+        }
+        let texture = self.radiance(path, defaults)?;
+        if texture.texels().iter().flatten().all(|&x| x <= 1.0) {
+            return Ok(texture);
+        }
+        defaults.push(format!("texels of '{}' limited to 1", path.display()));
+        let texels = texture.texels().iter().map(|texel| texel.map(|x| x.min(1.0))).collect();
+        let limited = Arc::new(new_texture(path, texture.size(), texels)?);
+        self.limited.insert(path.to_owned(), limited.clone());
+        Ok(limited)
+    }
+}
+
+fn read(path: &Path, defaults: &mut Vec<String>) -> Result<Texture, Error> {
+    let file = std::fs::metadata(path).map_err(|error| Error::io("read", path, error))?;
+    let most = MOST_BYTES.min(file.len().saturating_mul(MOST_BYTES_PER_BYTE));
+    let is_exr = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
+    if is_exr { read_exr(path, most, defaults) } else { read_srgb(path, most) }
+}
+
+fn new_texture(path: &Path, size: [u32; 2], texels: Vec<[f32; 3]>) -> Result<Texture, Error> {
+    Texture::new(size, texels).ok_or_else(|| Error::image(path, "it has no pixels"))
+}
+
+/// PNG, JPEG, TGA or BMP: 8 or 16 bits, sRGB. Alpha is left out.
+fn read_srgb(path: &Path, most_bytes: u64) -> Result<Texture, Error> {
+    let malformed = |error: image::ImageError| match error {
+        image::ImageError::IoError(error) => Error::io("read", path, error),
+        image::ImageError::Unsupported(_) => {
+            Error::image(path, format!("{error}; PNG, JPEG, TGA, BMP and EXR are supported"))
+        }
+        error => Error::image(path, format!("not a readable image: {error}")),
+    };
+    let mut reader = ImageReader::open(path)
+        .and_then(ImageReader::with_guessed_format)
+        .map_err(|error| Error::io("read", path, error))?;
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(most_bytes);
+    reader.limits(limits);
+    let image = reader.decode().map_err(malformed)?;
+    let size = [image.width(), image.height()];
+    let deep = matches!(
+        image.color(),
+        ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16
+    );
+    let texels = if deep { decode_16(image) } else { decode_8(image) };
+    new_texture(path, size, texels)
+}
+
+fn decode_8(image: DynamicImage) -> Vec<[f32; 3]> {
+    let linear: [f32; 256] = std::array::from_fn(|i| srgb_to_linear(i as f32 / 255.0));
+    image.into_rgb8().pixels().map(|pixel| pixel.0.map(|x| linear[usize::from(x)])).collect()
+}
+
+fn decode_16(image: DynamicImage) -> Vec<[f32; 3]> {
+    let linear = |x| srgb_to_linear(f32::from(x) / 65535.0);
+    image.into_rgb16().pixels().map(|pixel| pixel.0.map(linear)).collect()
+}
+
+/// IEC 61966-2-1.
+fn srgb_to_linear(x: f32) -> f32 {
+    if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The channels R, G and B, or Y, as they are.
+fn read_exr(path: &Path, most_bytes: u64, defaults: &mut Vec<String>) -> Result<Texture, Error> {
+    check_exr_size(path, most_bytes)?;
+    let mut file = ExrFile::read(path)?;
+    let [r, g, b] = match file.channels.remove("Y") {
+        Some(y) if !file.channels.contains_key("R") => [y.clone(), y.clone(), y],
+        _ => [file.take(path, "R")?, file.take(path, "G")?, file.take(path, "B")?],
+    };
+    let mut negative = 0_usize;
+    let mut texels = Vec::with_capacity(r.len());
+    for ((r, g), b) in r.into_iter().zip(g).zip(b) {
+        let texel = [r, g, b];
+        if !texel.iter().all(|x| x.is_finite() && x <= RADIANCE.end()) {
+            let (i, width) = (texels.len(), file.size[0].max(1) as usize);
+            let message = format!(
+                "the pixel at column {}, row {} is not finite or beyond 1e15",
+                i % width,
+                i / width
+            );
+            return Err(Error::image(path, message));
+        }
+        negative += usize::from(texel.iter().any(|&x| x < 0.0));
+        texels.push(texel.map(|x| x.max(0.0)));
+    }
+    if negative > 0 {
+        defaults.push(format!("{negative} negative texels of '{}' set to 0", path.display()));
+    }
+    new_texture(path, file.size, texels)
+}
+
+/// Before anything of that size is allocated.
+fn check_exr_size(path: &Path, most_bytes: u64) -> Result<(), Error> {
+    let malformed = |error: exr::error::Error| match error {
+        exr::error::Error::Io(error) => Error::io("read", path, error),
+        error => Error::image(path, format!("not a readable EXR file: {error}")),
+    };
+    let meta = exr::meta::MetaData::read_from_file(path, false).map_err(malformed)?;
+    for header in &meta.headers {
+        let (width, height) = (header.layer_size.x() as u64, header.layer_size.y() as u64);
+        let samples =
+            width.saturating_mul(height).saturating_mul(header.channels.list.len() as u64);
+        if samples.saturating_mul(4) > most_bytes {
+            let message = format!(
+                "{width} by {height} pixels are too many, for this program or for the file's length"
+            );
+            return Err(Error::image(path, message));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use exr::prelude::write_rgb_file;
+
+    use super::*;
+
+    fn folder() -> tempfile::TempDir {
+        tempfile::tempdir().expect("a folder")
+    }
+
+    /// Values of the standard's own formula, in f64.
+    #[test]
+    fn srgb_is_decoded_in_8_and_16_bits() {
+        let folder = folder();
+        let close = |a: f32, b: f64| assert!((f64::from(a) - b).abs() < 1e-6, "{a} is not {b}");
+        for name in ["x.png", "x.bmp", "x.tga"] {
+            let path = folder.path().join(name);
+            image::RgbImage::from_pixel(2, 1, image::Rgb([0, 128, 255])).save(&path).expect(name);
+            let texture = Images::default().radiance(&path, &mut vec![]).expect(name);
+            assert_eq!(texture.size(), [2, 1]);
+            let [r, g, b] = texture.texels()[1];
+            close(r, 0.0);
+            close(g, 0.215_860_500);
+            close(b, 1.0);
+        }
+        let path = folder.path().join("deep.png");
+        let pixel = image::Rgb([655_u16, 32896, 65535]);
+        image::ImageBuffer::from_pixel(1, 1, pixel).save(&path).expect("a PNG file");
+        let texture = Images::default().radiance(&path, &mut vec![]).expect("a texture");
+        let [r, g, _] = texture.texels()[0];
+        close(r, 655.0 / 65535.0 / 12.92);
+        close(g, 0.215_860_500);
+        // JPEG is lossy: one level of 255 is 0.01 here.
+        let path = folder.path().join("x.jpg");
+        image::RgbImage::from_pixel(8, 8, image::Rgb([128; 3])).save(&path).expect("a JPEG file");
+        let texture = Images::default().radiance(&path, &mut vec![]).expect("a texture");
+        assert!((texture.texels()[9][0] - 0.216).abs() < 0.01);
+        let grey = folder.path().join("grey.png");
+        image::GrayImage::from_pixel(1, 1, image::Luma([255])).save(&grey).expect("a PNG file");
+        let texture = Images::default().radiance(&grey, &mut vec![]).expect("a texture");
+        assert_eq!(texture.texels(), [[1.0; 3]]);
+    }
+
+    #[test]
+    fn exr_is_linear_and_limited_where_it_reflects() {
+        let folder = folder();
+        let path = folder.path().join("x.exr");
+        write_rgb_file(&path, 2, 1, |x, _| (2.5_f32, -1.0_f32, x as f32)).expect("an EXR file");
+        let (mut images, mut defaults) = (Images::default(), vec![]);
+        let radiance = images.radiance(&path, &mut defaults).expect("a texture");
+        assert_eq!(radiance.texels(), [[2.5, 0.0, 0.0], [2.5, 0.0, 1.0]]);
+        assert!(defaults[0].contains("2 negative texels"), "{defaults:?}");
+        let reflectance = images.reflectance(&path, &mut defaults).expect("a texture");
+        assert_eq!(reflectance.texels(), [[1.0, 0.0, 0.0], [1.0, 0.0, 1.0]]);
+        let again = images.reflectance(&path, &mut defaults).expect("a texture");
+        assert!(Arc::ptr_eq(&reflectance, &again));
+        assert!(Arc::ptr_eq(&radiance, &images.radiance(&path, &mut defaults).expect("a texture")));
+        assert_eq!(defaults.len(), 2);
+    }
+
+    #[test]
+    fn malformed_images_are_refused() {
+        let folder = folder();
+        let message = |name: &str, bytes: &[u8]| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes).expect("a file");
+            let error = Images::default().radiance(&path, &mut vec![]).expect_err(name).to_string();
+            assert!(error.contains(name), "{error}");
+            error
+        };
+        message("text.png", b"no image");
+        message("empty.png", b"");
+        message("empty.exr", b"");
+        assert!(message("photo.webp", b"RIFF....WEBPVP8 ").contains("PNG, JPEG"));
+        let path = folder.path().join("whole.exr");
+        let nan = |x, _| if x == 1 { (f32::NAN, 0.0, 0.0) } else { (0.0_f32, 0.0_f32, 0.0_f32) };
+        write_rgb_file(&path, 4, 4, nan).expect("an EXR file");
+        let whole = std::fs::read(&path).expect("the file");
+        assert!(message("nan.exr", &whole).contains("column 1, row 0"));
+        message("cut.exr", &whole[..whole.len() / 2]);
+        // A data window of 2³⁰ by 2³⁰ pixels.
+        let key = b"dataWindow\0box2i\0";
+        let at = whole.windows(key.len()).position(|part| part == key).expect("a data window");
+        let mut huge = whole;
+        let corner = (1_i32 << 30).to_le_bytes();
+        huge[at + key.len() + 12..][..8].copy_from_slice(&[corner, corner].concat());
+        message("huge.exr", &huge);
+        // A TGA header of 65535 by 65535 pixels, and nothing else.
+        let mut tga = [0; 18];
+        (tga[2], tga[16]) = (2, 24);
+        tga[12..16].fill(255);
+        message("huge.tga", &tga);
+    }
+
+    #[test]
+    fn finds_files_of_other_systems() {
+        let folder = folder();
+        let mtl = folder.path().join("x.mtl");
+        std::fs::create_dir(folder.path().join("maps")).expect("a folder");
+        for name in ["maps/a.png", "b c.png"] {
+            std::fs::write(folder.path().join(name), "").expect("a file");
+        }
+        assert_eq!(find(&mtl, "maps\\a.png"), folder.path().join("maps/a.png"));
+        assert_eq!(find(&mtl, "D:\\me\\b c.png"), folder.path().join("b c.png"));
+        assert_eq!(find(&mtl, "/home/me/b c.png"), folder.path().join("b c.png"));
+        assert_eq!(find(&mtl, "gone/a.png"), folder.path().join("gone/a.png"));
+    }
+}

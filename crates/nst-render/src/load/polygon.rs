@@ -1,0 +1,182 @@
+//! Polygons to triangles.
+
+use earcut::Earcut;
+use glam::{DVec2, DVec3, Vec3A};
+
+/// Sine of the angle by which a corner may bend inwards before it counts as
+/// concave: corners on a straight edge do so by rounding.
+const STRAIGHT: f64 = 1e-6;
+/// Share of a polygon's area by which its triangles may miss it; they miss
+/// those that cross themselves by much more.
+const AREA_TOLERANCE: f64 = 1e-6;
+
+/// Cuts polygons into triangles.
+pub(super) struct Triangulator {
+    earcut: Earcut<f64>,
+}
+
+impl Triangulator {
+    pub(super) fn new() -> Self {
+        Self { earcut: Earcut::new() }
+    }
+
+    /// Corners of triangles that cover the polygon, wound as it is. A convex
+    /// polygon becomes a fan about its first corner; a concave one is cut by its
+    /// ears, in the plane across its normal (Newell's). Where that fails, as the
+    /// polygon crosses itself or has no area, it is a fan too.
+    pub(super) fn triangulate(&mut self, polygon: &[Vec3A]) -> Vec<[usize; 3]> {
+        let fan = || (2..polygon.len()).map(|i| [0, i - 1, i]).collect();
+        if polygon.len() < 4 {
+            return fan();
+        }
+        let flat = flatten(polygon);
+        if flat.is_empty() || is_convex(&flat) {
+            return fan();
+        }
+        self.cut_ears(&flat).unwrap_or_else(fan)
+    }
+
+    fn cut_ears(&mut self, polygon: &[DVec2]) -> Option<Vec<[usize; 3]>> {
+        let mut corners: Vec<usize> = Vec::new();
+        self.earcut.earcut(polygon.iter().map(|p| p.to_array()), &[], &mut corners);
+        let triangles: Vec<[usize; 3]> = corners
+            .chunks_exact(3)
+            .map(|c| {
+                let area = (polygon[c[1]] - polygon[c[0]]).perp_dot(polygon[c[2]] - polygon[c[0]]);
+                if area < 0.0 { [c[0], c[2], c[1]] } else { [c[0], c[1], c[2]] }
+            })
+            .collect();
+        let covered: f64 = triangles
+            .iter()
+            .map(|&[a, b, c]| (polygon[b] - polygon[a]).perp_dot(polygon[c] - polygon[a]))
+            .sum();
+        let area = twice_area(polygon);
+        ((covered - area).abs() <= AREA_TOLERANCE * area).then_some(triangles)
+    }
+}
+
+/// The polygon seen against its normal, so that it winds counterclockwise;
+/// empty if it has no area. In f64, in which no f32 overflows when squared.
+fn flatten(polygon: &[Vec3A]) -> Vec<DVec2> {
+    let origin = polygon[0].as_dvec3();
+    let corners: Vec<DVec3> = polygon.iter().map(|p| p.as_dvec3() - origin).collect();
+    let normal: DVec3 = corners.windows(2).map(|pair| pair[0].cross(pair[1])).sum();
+    let length = normal.length();
+    if !(length > 0.0 && length.is_finite()) {
+        return Vec::new();
+    }
+    let (right, up) = (normal / length).any_orthonormal_pair();
+    corners.iter().map(|p| DVec2::new(p.dot(right), p.dot(up))).collect()
+}
+
+fn twice_area(polygon: &[DVec2]) -> f64 {
+    polygon.windows(2).map(|pair| (pair[0] - polygon[0]).perp_dot(pair[1] - polygon[0])).sum()
+}
+
+/// Whether no corner bends inwards, and no triangle of the fan is turned over.
+fn is_convex(polygon: &[DVec2]) -> bool {
+    let left = |a: DVec2, b: DVec2| a.perp_dot(b) >= -STRAIGHT * a.length() * b.length();
+    let n = polygon.len();
+    (0..n).all(|i| {
+        let [a, b, c] = [i, i + 1, i + 2].map(|k| polygon[k % n]);
+        left(b - a, c - b) && left(b - polygon[0], c - polygon[0])
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whether the triangles cover the polygon, once, and nothing else.
+    fn covers(polygon: &[Vec3A], triangles: &[[usize; 3]]) -> bool {
+        let flat = flatten(polygon);
+        let area = twice_area(&flat);
+        let areas =
+            triangles.iter().map(|&[a, b, c]| (flat[b] - flat[a]).perp_dot(flat[c] - flat[a]));
+        let inside = |&[a, b, c]: &[usize; 3]| contains(&flat, (flat[a] + flat[b] + flat[c]) / 3.0);
+        areas.clone().all(|area| area > 0.0)
+            && (areas.sum::<f64>() - area).abs() < 1e-9 * area
+            && triangles.iter().all(inside)
+    }
+
+    fn check(polygon: &[Vec3A]) {
+        let triangles = Triangulator::new().triangulate(polygon);
+        assert!(covers(polygon, &triangles), "{polygon:?}: {triangles:?}");
+    }
+
+    /// The even-odd rule.
+    fn contains(polygon: &[DVec2], p: DVec2) -> bool {
+        let n = polygon.len();
+        (0..n)
+            .filter(|&i| {
+                let (a, b) = (polygon[i], polygon[(i + 1) % n]);
+                (a.y > p.y) != (b.y > p.y) && p.x < a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x)
+            })
+            .count()
+            % 2
+            == 1
+    }
+
+    const L: [[f32; 2]; 6] = [[0., 0.], [3., 0.], [3., 1.], [1., 1.], [1., 2.], [0., 2.]];
+
+    fn star() -> Vec<[f32; 2]> {
+        (0..10)
+            .map(|i| {
+                let (sin, cos) = (i as f32 * std::f32::consts::PI / 5.0).sin_cos();
+                let radius = if i % 2 == 0 { 1.0 } else { 0.4 };
+                [radius * cos, radius * sin]
+            })
+            .collect()
+    }
+
+    #[test]
+    fn triangles_cover_concave_polygons_and_nothing_else() {
+        for polygon in [L.to_vec(), star()] {
+            for turn in 0..polygon.len() {
+                for backwards in [false, true] {
+                    let mut polygon = polygon.clone();
+                    polygon.rotate_left(turn);
+                    if backwards {
+                        polygon.reverse();
+                    }
+                    // Upright, tilted, and in units of 1e-20 and 1e18.
+                    let at = |axes: [Vec3A; 2]| -> Vec<Vec3A> {
+                        polygon.iter().map(|p| axes[0] * p[0] + axes[1] * p[1]).collect()
+                    };
+                    check(&at([Vec3A::X, Vec3A::Y]));
+                    check(&at([Vec3A::new(1.0, 2.0, -1.0), Vec3A::new(0.0, 1.0, 2.0)]));
+                    check(&at([Vec3A::Z * 1e-20, Vec3A::Y * 1e-20]));
+                    check(&at([Vec3A::Z * 1e18, Vec3A::X * 1e18]));
+                }
+            }
+        }
+    }
+
+    /// `covers` itself, with what this module is there to avoid.
+    #[test]
+    fn fans_do_not_cover_concave_polygons() {
+        let fan: Vec<_> = (2..6).map(|i| [0, i - 1, i]).collect();
+        let mut polygon = L.map(|[x, y]| Vec3A::new(x, y, 0.0));
+        polygon.rotate_left(1);
+        assert!(!covers(&polygon, &fan));
+        assert!(!covers(&polygon, &Triangulator::new().triangulate(&polygon)[1..]));
+    }
+
+    #[test]
+    fn convex_and_hopeless_polygons_are_fans() {
+        let fan = |polygon: &[[f32; 2]]| {
+            let corners: Vec<_> = polygon.iter().map(|p| Vec3A::new(p[0], p[1], 0.0)).collect();
+            let expected: Vec<_> = (2..corners.len()).map(|i| [0, i - 1, i]).collect();
+            assert_eq!(Triangulator::new().triangulate(&corners), expected, "{polygon:?}");
+        };
+        fan(&[[0., 0.], [1., 0.], [0., 1.]]);
+        fan(&[[0., 0.], [1., 0.], [2., 0.], [2., 1.], [0., 1.]]);
+        // A bow tie, a pentagram, a line and a point.
+        fan(&[[0., 0.], [1., 1.], [1., 0.], [0., 1.5]]);
+        let star = star();
+        fan(&[0, 4, 8, 2, 6].map(|i| star[i]));
+        fan(&[[0., 0.], [1., 0.], [2., 0.], [3., 0.]]);
+        fan(&[[1., 1.]; 5]);
+        assert!(Triangulator::new().triangulate(&[Vec3A::ZERO; 2]).is_empty());
+    }
+}
