@@ -103,6 +103,8 @@ def main() -> None:
         sys.exit(f"mitsuba_reference: {error}")
     seeds = range(args.seed, args.seed + args.renders)
     mean, variance = mean_and_variance(scene, seeds, args.spp)
+    if not mean.any():
+        sys.exit(f"mitsuba_reference: {args.scene}: the picture is black")
     attributes = {
         "mitsuba.version": mi.__version__,
         "mitsuba.variant": args.variant,

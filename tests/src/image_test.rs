@@ -29,6 +29,8 @@ pub struct Comparison {
     pub threshold: f64,
     /// Lanes compared by z.
     pub compared: usize,
+    /// Those of them whose |z| is above the threshold.
+    pub beyond: usize,
     /// Lanes without variance on either side, compared by value.
     pub exact: usize,
     /// Lanes that are exact but differ by more than rounding.
@@ -41,7 +43,7 @@ impl Comparison {
     /// Whether no difference was found.
     #[must_use]
     pub fn same(&self) -> bool {
-        self.worst_z <= self.threshold && self.total_z <= 4.0 && self.exact_failures == 0
+        self.beyond == 0 && self.total_z <= 4.0 && self.exact_failures == 0
     }
 }
 
@@ -58,11 +60,13 @@ pub fn compare(a: Estimate<'_>, b: Estimate<'_>) -> Comparison {
         total_z: 0.0,
         threshold: 0.0,
         compared: 0,
+        beyond: 0,
         exact: 0,
         exact_failures: 0,
         left_out: 0,
     };
     let (mut total, mut total_variance) = (0.0, 0.0);
+    let mut scores = Vec::new();
     for lane in 0..lanes {
         let [ma, va, mb, vb] =
             [a.mean, a.variance, b.mean, b.variance].map(|values| f64::from(values[lane]));
@@ -80,14 +84,16 @@ pub fn compare(a: Estimate<'_>, b: Estimate<'_>) -> Comparison {
             result.left_out += 1;
             continue;
         }
-        result.compared += 1;
-        result.worst_z = result.worst_z.max(difference.abs() / variance.sqrt());
+        scores.push(difference.abs() / variance.sqrt());
         total += difference;
         total_variance += variance;
     }
     result.total_z = if total_variance > 0.0 { total.abs() / total_variance.sqrt() } else { 0.0 };
-    let lanes = result.compared.max(1) as f64;
-    result.threshold = two_sided_quantile(1.0 - (1.0 - SIGNIFICANCE).powf(1.0 / lanes));
+    let tests = scores.len().max(1) as f64;
+    result.threshold = two_sided_quantile(1.0 - (1.0 - SIGNIFICANCE).powf(1.0 / tests));
+    result.compared = scores.len();
+    result.beyond = scores.iter().filter(|&&z| z > result.threshold).count();
+    result.worst_z = scores.into_iter().fold(0.0, f64::max);
     result
 }
 

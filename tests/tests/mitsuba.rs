@@ -88,7 +88,21 @@ fn planes() {
 #[test]
 fn teapots() {
     for name in ["teapot-diffuse", "teapot-glossy"] {
-        assert_agrees(name, &scene(name), 2048, 0.9);
+        let smooth = scene(name);
+        let mut flat = smooth.clone();
+        flat.triangles.iter_mut().for_each(|triangle| triangle.normals = None);
+        assert_agrees(&format!("{name}-flat"), &flat, 2048, 0.9);
+
+        // Where a smooth normal faces away from the camera, at silhouettes, we
+        // shade by the geometric one and Mitsuba by the back of the smooth one.
+        let reference = Image::reference(name);
+        let ours = Image::render(&smooth, 2048, SamplerKind::Random, 1);
+        let comparison = ours.compare(&reference);
+        eprintln!("{name}: {comparison:?}");
+        assert!(comparison.beyond * 200 < comparison.compared, "{name}: {comparison:?}");
+        assert_eq!(comparison.exact_failures, 0, "{name}");
+        let flat = Image::reference(&format!("{name}-flat"));
+        assert!(ours.compare(&flat).beyond * 200 > comparison.compared, "{name}");
     }
 }
 
