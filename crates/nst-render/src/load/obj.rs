@@ -150,8 +150,9 @@ fn add_default_material(
     }
     let mut note = format!("a grey material ({DEFAULT_COLOR}) where the file names none");
     if !unknown.is_empty() {
-        let names: Vec<_> = unknown.iter().map(|name| quoted(name)).collect();
-        note += &format!(", or one that no MTL file has ({})", names.join(", "));
+        let names: Vec<_> = unknown.iter().take(8).map(|name| quoted(name)).collect();
+        let more = if unknown.len() > names.len() { ", …" } else { "" };
+        note += &format!(", or one that no MTL file has ({}{more})", names.join(", "));
     }
     defaults.push(note);
     materials.push(Material {
