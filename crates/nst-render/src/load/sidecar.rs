@@ -6,7 +6,8 @@ use glam::Vec3A;
 use serde::Deserialize;
 
 use super::{
-    image::{Images, find},
+    files::find,
+    image::Images,
     keys::{Document, Table, suggestion},
     mtl::{IOR, RADIANCE, UNIT, make_dielectric},
     text::scene_error,
