@@ -28,23 +28,42 @@ fn fails_with(bench: &Bench, args: &str, variables: &[(&str, &str)], code: i32, 
 #[test]
 fn scenes() {
     let bench = Bench::new();
-    let cases: [(&str, &str, &[&str]); 12] = [
-        ("range.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", &["range.obj"]),
-        ("nan.obj", "v 0 0 0\nv 1 nan 0\nv 0 1 0\nf 1 2 3\n", &["nan.obj", "vertex", "not finite"]),
-        ("inf.obj", "v 0 0 0\nv 1 inf 0\nv 0 1 0\nf 1 2 3\n", &["inf.obj", "not finite"]),
+    let cases: [(&str, &str, &[&str]); 19] = [
+        ("range.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", &["range.obj", "line 4", "vertex 9"]),
+        ("back.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -4\n", &["back.obj", "line 4", "-4"]),
+        ("nan.obj", "v 0 0 0\nv 1 nan 0\n", &["nan.obj", "line 2", "vertex", "not finite"]),
+        ("inf.obj", "v 0 0 0\nv 1 inf 0\n", &["inf.obj", "line 2", "not finite"]),
+        ("large.obj", "v 0 0 0\nv 1 1e99 0\n", &["large.obj", "line 2", "3.4e38"]),
+        ("short.obj", "v 0 0\n", &["short.obj", "line 1", "2 numbers"]),
         ("empty.obj", "", &["empty.obj", "no faces"]),
         ("points.obj", "v 0 0 0\nv 1 0 0\n", &["points.obj", "no faces"]),
         ("flat.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", &["flat.obj", "zero area"]),
-        ("word.obj", "v 0 zero 0\nf 1 1 1\n", &["word.obj"]),
-        ("no_mtl.obj", &format!("mtllib gone.mtl\n{TRIANGLE}"), &["gone.mtl"]),
-        ("bad_mtl.obj", &format!("mtllib bad.mtl\n{TRIANGLE}"), &["bad.mtl"]),
-        ("bad_kd.obj", &format!("mtllib kd.mtl\nusemtl m\n{TRIANGLE}"), &["'m'", "Kd"]),
-        ("bad_ke.obj", &format!("mtllib ke.mtl\nusemtl m\n{TRIANGLE}"), &["'m'", "Ke"]),
-        ("toml.obj", TRIANGLE, &["toml.toml", "vertical_fo", "line 4"]),
+        ("word.obj", "v 0 zero 0\nf 1 1 1\n", &["word.obj", "line 1", "'zero'"]),
+        ("binary.obj", "\u{7f}ELF\0\0", &["binary.obj", "no text"]),
+        (
+            "no_mtl.obj",
+            &format!("mtllib gone.mtl\n{TRIANGLE}"),
+            &["no_mtl.obj", "line 1", "gone.mtl"],
+        ),
+        (
+            "bad_mtl.obj",
+            &format!("mtllib bad.mtl\n{TRIANGLE}"),
+            &["bad.mtl", "line 2", "'m'", "'red'"],
+        ),
+        ("bad_kd.obj", &format!("mtllib kd.mtl\nusemtl m\n{TRIANGLE}"), &["kd.mtl", "'m'", "Kd"]),
+        ("bad_ke.obj", &format!("mtllib ke.mtl\nusemtl m\n{TRIANGLE}"), &["ke.mtl", "'m'", "Ke"]),
+        ("short_kd.obj", &format!("mtllib short.mtl\n{TRIANGLE}"), &["short.mtl", "line 2", "Kd"]),
+        ("no_map.obj", &format!("mtllib map.mtl\n{TRIANGLE}"), &["map.mtl", "line 2", "gone.png"]),
+        ("bad_map.obj", &format!("mtllib bad_map.mtl\n{TRIANGLE}"), &["text.png"]),
+        ("toml.obj", TRIANGLE, &["toml.toml", "vertical_fo", "line 4", "'vertical_fov'"]),
     ];
     bench.write("bad.mtl", "newmtl m\nKd red\n");
     bench.write("kd.mtl", "newmtl m\nKd 2 0 0\n");
     bench.write("ke.mtl", "newmtl m\nKe -1 0 0\n");
+    bench.write("short.mtl", "newmtl m\nKd 0.5 0.5\n");
+    bench.write("map.mtl", "newmtl m\nmap_Kd gone.png\n");
+    bench.write("bad_map.mtl", "newmtl m\nmap_Kd text.png\n");
+    bench.write("text.png", "no image");
     bench.write(
         "toml.toml",
         "[camera]\nposition = [0, 0, 5]\ntarget = [0, 0, 0]\nvertical_fo = 40.0\n",
@@ -69,6 +88,10 @@ fn sidecars() {
         ("[integrator]\nkind = \"path\"\nmax_depth = 0\n".to_owned(), "max_depth"),
         ("[integrator]\nkind = \"bidirectional\"\nmax_depth = 4\n".to_owned(), "bidirectional"),
         ("[environment]\nradiance = [-1, 0, 0]\n".to_owned(), "[environment]"),
+        ("[environment]\nimage = \"gone.exr\"\n".to_owned(), "gone.exr"),
+        ("[environmint]\nradiance = [1, 0, 0]\n".to_owned(), "did you mean 'environment'?"),
+        ("[materials.glass]\nior = 1.5\n".to_owned(), "no material 'glass'"),
+        ("[materials.default]\nroughness = 2\n".to_owned(), "line 2"),
         (camera("target = [0, 0, 5]\nvertical_fov = 40\n"), "differ"),
         (camera("target = [0, 0, 0]\nvertical_fov = 180\n"), "vertical_fov"),
         (camera("target = [0, 0, 0]\nup = [0, 0, 1]\nvertical_fov = 40\n"), "up"),

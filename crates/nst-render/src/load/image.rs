@@ -25,18 +25,6 @@ pub(super) struct Images {
     limited: HashMap<PathBuf, Arc<Texture>>,
 }
 
-/// The file that a scene file means by `name`: beside it, with the slashes of
-/// either system; a folder that only the author had is left out.
-pub(super) fn find(scene_file: &Path, name: &str) -> PathBuf {
-    let name = name.replace('\\', "/");
-    let path = scene_file.with_file_name(&name);
-    let last = name.rsplit('/').next().filter(|last| !last.is_empty());
-    match last.map(|last| scene_file.with_file_name(last)) {
-        Some(beside) if !path.exists() && beside.exists() => beside,
-        _ => path,
-    }
-}
-
 impl Images {
     /// An image of radiance: texels are finite and not negative.
     pub(super) fn radiance(
@@ -267,19 +255,5 @@ mod tests {
         (tga[2], tga[16]) = (2, 24);
         tga[12..16].fill(255);
         message("huge.tga", &tga);
-    }
-
-    #[test]
-    fn finds_files_of_other_systems() {
-        let folder = folder();
-        let mtl = folder.path().join("x.mtl");
-        std::fs::create_dir(folder.path().join("maps")).expect("a folder");
-        for name in ["maps/a.png", "b c.png"] {
-            std::fs::write(folder.path().join(name), "").expect("a file");
-        }
-        assert_eq!(find(&mtl, "maps\\a.png"), folder.path().join("maps/a.png"));
-        assert_eq!(find(&mtl, "D:\\me\\b c.png"), folder.path().join("b c.png"));
-        assert_eq!(find(&mtl, "/home/me/b c.png"), folder.path().join("b c.png"));
-        assert_eq!(find(&mtl, "gone/a.png"), folder.path().join("gone/a.png"));
     }
 }

@@ -93,14 +93,20 @@ impl<'a> Document<'a> {
     }
 }
 
-/// Names the nearest of `known`, or all if none is near.
+/// How many names a person reads.
+const MOST_LISTED: usize = 16;
+
+/// Names the nearest of `known`, or all if none is near and they are few.
 pub(super) fn suggestion(name: &str, known: &[&str]) -> String {
-    let likeness = |other: &&&str| {
-        strsim::normalized_damerau_levenshtein(&name.to_lowercase(), &other.to_lowercase())
-    };
+    // The comparison takes time and memory by the product of the lengths.
+    let start = |name: &str| name.chars().take(100).collect::<String>().to_lowercase();
+    let likeness =
+        |other: &&&str| strsim::normalized_damerau_levenshtein(&start(name), &start(other));
     match known.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b))) {
         None => "there are none".to_owned(),
-        Some(nearest) if likeness(&nearest) >= 0.5 => format!("did you mean '{nearest}'?"),
+        Some(nearest) if likeness(&nearest) >= 0.5 || known.len() > MOST_LISTED => {
+            format!("did you mean '{nearest}'?")
+        }
         Some(_) => format!("there are {}", known.join(", ")),
     }
 }

@@ -1,6 +1,7 @@
 //! Reads a scene: OBJ and MTL files, the images that they name, and the TOML
 //! sidecar beside them. `docs/scenes.md` describes the formats.
 
+mod files;
 mod image;
 mod keys;
 mod mtl;

@@ -8,7 +8,8 @@ use std::{
 use glam::Vec3A;
 
 use super::{
-    image::{Images, find},
+    files::{find, without_options},
+    image::Images,
     text::{self, Line, error_at, number_within, quoted},
 };
 use crate::{Disney, Error, Material, Scattering};
@@ -241,31 +242,6 @@ fn image_file(mtl: &Path, line: &Line) -> Result<PathBuf, String> {
     match std::fs::metadata(&file) {
         Ok(_) => Ok(file),
         Err(error) => Err(format!("{}: cannot read '{}': {error}", line.keyword(), file.display())),
-    }
-}
-
-/// Drops options such as `-s 1 1 1` in front of a file's name, which may have spaces.
-fn without_options(text: &str) -> &str {
-    let word = |text: &str| text.split_whitespace().next().unwrap_or_default().len();
-    let mut rest = text;
-    loop {
-        let option = &rest[..word(rest)];
-        let arguments = match option {
-            "-blendu" | "-blendv" | "-bm" | "-boost" | "-cc" | "-clamp" | "-imfchan"
-            | "-texres" | "-type" => 1,
-            "-mm" => 2,
-            "-o" | "-s" | "-t" => 3,
-            _ => return rest,
-        };
-        rest = rest[option.len()..].trim_start();
-        for _ in 0..arguments {
-            let argument = &rest[..word(rest)];
-            // The second and third number of -o, -s and -t may be left out.
-            if arguments == 3 && argument.parse::<f32>().is_err() {
-                break;
-            }
-            rest = rest[argument.len()..].trim_start();
-        }
     }
 }
 

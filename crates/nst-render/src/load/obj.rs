@@ -8,7 +8,8 @@ use std::{
 use glam::{Vec2, Vec3A};
 
 use super::{
-    image::{Images, find},
+    files::find,
+    image::Images,
     mtl,
     polygon::Triangulator,
     text::{self, quoted},
@@ -54,6 +55,9 @@ pub(super) fn load(
 fn libraries(path: &Path, text: &str) -> Result<Vec<PathBuf>, Error> {
     let mut libraries = Vec::new();
     for line in text::lines(text).filter(|line| line.keyword() == "mtllib") {
+        if line.name().is_empty() {
+            return Err(line.error(path, "mtllib without a name"));
+        }
         let whole = find(path, line.name());
         let parts: Vec<_> = line.words().map(|name| find(path, name)).collect();
         let several = !whole.exists() && parts.iter().any(|part| part.exists());
@@ -150,8 +154,9 @@ fn add_default_material(
     }
     let mut note = format!("a grey material ({DEFAULT_COLOR}) where the file names none");
     if !unknown.is_empty() {
-        let names: Vec<_> = unknown.iter().map(|name| quoted(name)).collect();
-        note += &format!(", or one that no MTL file has ({})", names.join(", "));
+        let names: Vec<_> = unknown.iter().take(8).map(|name| quoted(name)).collect();
+        let more = if unknown.len() > names.len() { ", …" } else { "" };
+        note += &format!(", or one that no MTL file has ({}{more})", names.join(", "));
     }
     defaults.push(note);
     materials.push(Material {

@@ -6,9 +6,11 @@ use glam::Vec3A;
 use serde::Deserialize;
 
 use super::{
-    image::{Images, find},
+    files::find,
+    image::Images,
     keys::{Document, Table, suggestion},
     mtl::{IOR, RADIANCE, UNIT, make_dielectric},
+    text::scene_error,
 };
 use crate::{Camera, Disney, Environment, Error, Material, Scattering};
 
@@ -142,7 +144,7 @@ impl Sidecar {
             }
             bytes => bytes.map_err(|error| Error::io("read", path, error))?,
         };
-        let malformed = |message: String| Error::scene(path, message);
+        let malformed = |message: String| scene_error(path, &message);
         let text = str::from_utf8(&bytes).map_err(|error| {
             let before = &bytes[..error.valid_up_to()];
             let line = before.iter().filter(|&&byte| byte == b'\n').count() + 1;

@@ -34,7 +34,16 @@ impl Line<'_> {
 }
 
 pub(super) fn error_at(path: &Path, line: usize, message: impl AsRef<str>) -> Error {
-    Error::scene(path, format!("line {line}: {}", message.as_ref()))
+    scene_error(path, &format!("line {line}: {}", message.as_ref()))
+}
+
+/// An error of a scene file, however long the words are that it quotes.
+pub(super) fn scene_error(path: &Path, message: &str) -> Error {
+    const MOST: usize = 1000;
+    match message.char_indices().nth(MOST) {
+        None => Error::scene(path, message),
+        Some((end, _)) => Error::scene(path, format!("{}…", &message[..end])),
+    }
 }
 
 /// Reads a text file. What is not UTF-8 is taken for Latin-1, as it comes from
@@ -161,6 +170,8 @@ mod tests {
         assert!(message("1,5").contains("'1,5' is not a number"));
         assert!(message("nan").contains("not finite"));
         assert!(message("1e39").contains("3.4e38"));
+        let long = error_at(Path::new("x.obj"), 3, "é".repeat(10_000)).to_string();
+        assert!(long.contains("line 3") && long.chars().count() < 1100);
         assert!(message(&"9x".repeat(10_000)).len() < 100);
         assert!(number_within("d", "2", &(0.0..=1.0)).is_err());
         assert!(number_within("Ns", "-2", &(0.0..=f32::MAX)).is_err());
