@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use nst_render::{Keep, RenderSettings, SamplerKind, Scene, VARIANCE, film, render};
-use nst_tests::image_test::{Comparison, Estimate, compare};
+use nst_tests::image_test::{Comparison, Estimate, compare, sums_z};
 
 fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("a workspace member").to_owned()
@@ -42,6 +42,12 @@ impl Image {
         Estimate { mean: &self.mean, variance: &self.variance }
     }
 
+    /// A wrong image, which a test must find.
+    fn brighter(&self, factor: f32) -> Self {
+        let mean = self.mean.iter().map(|x| factor * x).collect();
+        Self { mean, variance: self.variance.clone() }
+    }
+
     fn compare(&self, other: &Self) -> Comparison {
         compare(self.estimate(), other.estimate())
     }
@@ -58,9 +64,7 @@ fn assert_agrees(name: &str, scene: &Scene, spp: u32, share: f64) {
     let tested = (comparison.compared + comparison.exact) as f64 / ours.mean.len() as f64;
     assert!(tested >= share, "{name}: only {tested} of the lanes were compared");
 
-    let mean = ours.mean.iter().map(|x| 1.02 * x).collect();
-    let brighter = Image { mean, variance: ours.variance };
-    assert!(!brighter.compare(&reference).same(), "{name}");
+    assert!(!ours.brighter(1.02).compare(&reference).same(), "{name}");
 }
 
 #[test]
@@ -106,16 +110,29 @@ fn teapots() {
     }
 }
 
+/// A weak light nearby, which is rarely chosen, gives some lanes tails so heavy
+/// that their means are not normal yet: a lane in a thousand may be off.
 #[test]
 fn many_lights() {
-    assert_agrees("many-lights", &scene("many-lights"), 4096, 0.9);
+    let reference = Image::reference("many-lights");
+    let ours = Image::render(&scene("many-lights"), 4096, SamplerKind::Random, 1);
+    let comparison = ours.compare(&reference);
+    eprintln!("many-lights: {comparison:?}");
+    assert!(comparison.beyond * 1000 < comparison.compared, "{comparison:?}");
+    assert!(comparison.total_z <= 4.0 && comparison.exact_failures == 0, "{comparison:?}");
+    assert!(ours.brighter(1.02).compare(&reference).total_z > 4.0);
 }
 
-/// Light through the glass finds its source by chance alone, so that most of
-/// the caustic is too noisy for a test per lane.
+/// Light through the glass finds its source by chance alone: only the sums over
+/// the picture are certain enough.
 #[test]
 fn caustic() {
-    assert_agrees("caustic", &scene("caustic"), 4096, 0.5);
+    let reference = Image::reference("caustic");
+    let ours = Image::render(&scene("caustic"), 4096, SamplerKind::Random, 1);
+    let z = sums_z(ours.estimate(), reference.estimate());
+    eprintln!("caustic: {z}");
+    assert!(z < 4.0, "{z}");
+    assert!(sums_z(ours.brighter(1.05).estimate(), reference.estimate()) > 4.0);
 }
 
 /// The variance of random samples bounds that of Halton's.
@@ -127,6 +144,5 @@ fn halton_has_the_same_mean() {
     let halton = Image { variance: random.variance.clone(), ..halton };
     let comparison = halton.compare(&random);
     assert!(comparison.same(), "{comparison:?}");
-    let darker = Image { mean: halton.mean.iter().map(|x| 0.98 * x).collect(), ..halton };
-    assert!(!darker.compare(&random).same());
+    assert!(!halton.brighter(0.98).compare(&random).same());
 }
