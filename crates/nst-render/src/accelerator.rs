@@ -2,72 +2,36 @@
 
 use std::time::Duration;
 
-use glam::{Vec2, Vec3A};
+use glam::Vec3A;
 use obvhs::{BvhBuildParams, cwbvh::builder::build_cwbvh_from_tris, ray::Ray};
 
-use crate::{
-    Triangle,
-    traversal::{Instructions, Tree},
-};
-
-/// The nearest intersection of a ray.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Hit {
-    /// Distance along the ray, in units of its direction.
-    pub(crate) t: f32,
-    /// Index into the triangles the accelerator was built from.
-    pub(crate) triangle: u32,
-    /// The barycentric weights of the second and third corner.
-    pub(crate) barycentric: Vec2,
-}
+use crate::{Triangle, traversal::Tree};
 
 /// Up to so many triangles, the tree is built as well as obvhs can, in a fifth of a second at most.
 const THOROUGH_BUILD: usize = 1 << 15;
 
-/// An eight-wide compressed bounding volume hierarchy.
-pub(crate) struct Accelerator {
-    tree: Tree,
-    /// By leaf order: the index of the triangle it was built from.
-    indices: Vec<u32>,
+/// The tree for the triangles of a scene.
+pub(crate) fn build(triangles: &[Triangle]) -> Tree {
+    let corners: Vec<_> = triangles.iter().map(|triangle| triangle.positions).collect();
+    let bounded: Vec<_> =
+        corners.iter().map(|&[v0, v1, v2]| obvhs::triangle::Triangle { v0, v1, v2 }).collect();
+    // Paths cost far more than a thorough build, unless there are many triangles.
+    let params = if triangles.len() <= THOROUGH_BUILD {
+        BvhBuildParams::very_slow_build()
+    } else {
+        BvhBuildParams::medium_build()
+    };
+    let mut build_time = Duration::ZERO;
+    Tree::new(build_cwbvh_from_tris(&bounded, params, &mut build_time), &corners)
 }
 
-impl Accelerator {
-    pub(crate) fn new(triangles: &[Triangle]) -> Self {
-        let corners: Vec<_> = triangles
-            .iter()
-            .map(|t| obvhs::triangle::Triangle {
-                v0: t.positions[0],
-                v1: t.positions[1],
-                v2: t.positions[2],
-            })
-            .collect();
-        // Paths cost far more than a thorough build, unless there are many triangles.
-        let params = if triangles.len() <= THOROUGH_BUILD {
-            BvhBuildParams::very_slow_build()
-        } else {
-            BvhBuildParams::medium_build()
-        };
-        let mut build_time = Duration::ZERO;
-        let bvh = build_cwbvh_from_tris(&corners, params, &mut build_time);
-        let indices = bvh.primitive_indices;
-        let triangles = indices.iter().map(|&i| (&corners[i as usize]).into()).collect();
-        let instructions = Instructions::detect();
-        Self { tree: Tree { nodes: bvh.nodes, triangles, instructions }, indices }
-    }
-
-    /// The nearest hit within the ray's interval.
-    pub(crate) fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        self.tree.nearest(ray).map(|(t, leaf)| Hit {
-            t,
-            triangle: self.indices[leaf as usize],
-            barycentric: self.tree.triangles[leaf as usize].compute_barycentric(ray),
-        })
-    }
-
-    /// Whether anything lies within the ray's interval.
-    pub(crate) fn occluded(&self, ray: &Ray) -> bool {
-        self.tree.any(ray)
-    }
+/// A ray from 0 to `tmax`, in units of its direction.
+#[inline]
+pub(crate) fn new_ray(origin: Vec3A, direction: Vec3A, tmax: f32) -> Ray {
+    // Where a component is 0, a large inverse of its sign does, and makes no NaN.
+    let least = Vec3A::splat(1e-18);
+    let divisor = Vec3A::select(direction.abs().cmplt(least), least.copysign(direction), direction);
+    Ray { origin, direction, inv_direction: divisor.recip(), tmin: 0.0, tmax }
 }
 
 /// Moves a point off its surface, far enough that f32 rounding cannot put a new
@@ -81,7 +45,10 @@ pub(crate) fn offset(point: Vec3A, normal: Vec3A, scale: f32) -> Vec3A {
 mod tests {
     use proptest::{prelude::*, test_runner::RngSeed};
 
+    use glam::Vec2;
+
     use super::*;
+    use crate::traversal::Instructions;
 
     /// The oracle: every triangle, Möller and Trumbore (1997) in f64.
     fn nearest(triangles: &[Triangle], origin: Vec3A, direction: Vec3A) -> Option<f64> {
@@ -136,13 +103,13 @@ mod tests {
                     (a, b) => a.is_none() && b.is_none(),
                 });
             }
-            let mut accelerator = Accelerator::new(&triangles);
+            let mut tree = build(&triangles);
             let ray = Ray::new_inf(origin, direction);
-            let hit = accelerator.intersect(&ray);
-            accelerator.tree.instructions = Instructions::Portable;
-            prop_assert_eq!(accelerator.intersect(&ray), hit);
+            let hit = tree.nearest(&ray);
+            tree.instructions = Instructions::Portable;
+            prop_assert_eq!(tree.nearest(&ray), hit);
             prop_assert_eq!(hit.is_some(), expected.is_some());
-            prop_assert_eq!(accelerator.occluded(&ray), expected.is_some());
+            prop_assert_eq!(tree.any(&ray), expected.is_some());
             if let (Some(hit), Some(expected)) = (hit, expected) {
                 prop_assert!((f64::from(hit.t) - expected).abs() < 1e-3, "{} {expected}", hit.t);
                 let [a, b, c] = triangles[hit.triangle as usize].positions;

@@ -20,10 +20,22 @@ pub(crate) struct LightSample {
     pub(crate) pdf: f32,
 }
 
+/// An emitting triangle, with what a sample of it needs side by side.
+struct Emitter {
+    /// Index into [`Scene::triangles`].
+    triangle: u32,
+    /// The probability of this or an earlier emitter; 1 for the last.
+    cumulative: f32,
+    corner: Vec3A,
+    edges: [Vec3A; 2],
+    /// Unit geometric normal.
+    normal: Vec3A,
+    pdf_area: f32,
+}
+
 /// The lights of a scene.
 pub(crate) struct Lights {
-    /// Triangle index and cumulative probability, which ends at 1.
-    triangles: Vec<(u32, f32)>,
+    emitters: Vec<Emitter>,
     /// By material: the density with respect to area of a point of a triangle,
     /// whose probability is proportional to its area times its mean luminance.
     pdf_area: Vec<f32>,
@@ -65,14 +77,6 @@ impl Lights {
             })
             .collect();
         let total: f64 = emitters.iter().map(|&(_, power)| power).sum();
-        let mut cumulative = 0.0;
-        let triangles = emitters
-            .into_iter()
-            .map(|(index, power)| {
-                cumulative += power;
-                (index, (cumulative / total) as f32)
-            })
-            .collect();
 
         let environment = scene.environment.image.as_deref().map(EnvironmentSampler::new);
         let (low, high) = scene.bounds();
@@ -87,16 +91,29 @@ impl Lights {
             (power / (power + others)).clamp(*ENVIRONMENT_SHARE.start(), *ENVIRONMENT_SHARE.end())
         });
         let of_triangles = f64::from(1.0 - environment_share);
-        let pdf_area = mean_luminance
-            .iter()
-            .map(
-                |luminance| {
-                    if total > 0.0 { (of_triangles * luminance / total) as f32 } else { 0.0 }
-                },
-            )
+        let density = |luminance: &f64| {
+            if total > 0.0 { (of_triangles * luminance / total) as f32 } else { 0.0 }
+        };
+        let pdf_area: Vec<f32> = mean_luminance.iter().map(density).collect();
+        let mut cumulative = 0.0;
+        let emitters = emitters
+            .into_iter()
+            .map(|(index, power)| {
+                cumulative += power;
+                let triangle = &scene.triangles[index as usize];
+                let [a, b, c] = triangle.positions;
+                Emitter {
+                    triangle: index,
+                    cumulative: (cumulative / total) as f32,
+                    corner: a,
+                    edges: [b - a, c - a],
+                    normal: triangle.area_vector().normalize(),
+                    pdf_area: pdf_area[triangle.material as usize],
+                }
+            })
             .collect();
         let scale = low.abs().max(high.abs()).max_element();
-        Self { triangles, pdf_area, environment, environment_share, scale }
+        Self { emitters, pdf_area, environment, environment_share, scale }
     }
 
     /// A direction from the point `from` to a light; `None` if there is no light,
@@ -119,24 +136,23 @@ impl Lights {
             });
         }
         let pick = (pick - self.environment_share) / (1.0 - self.environment_share);
-        let last = self.triangles.len().checked_sub(1)?;
-        let chosen =
-            self.triangles.partition_point(|&(_, cumulative)| cumulative <= pick).min(last);
-        let triangle = &scene.triangles[self.triangles[chosen].0 as usize];
+        let last = self.emitters.len().checked_sub(1)?;
+        let chosen = self.emitters.partition_point(|e| e.cumulative <= pick).min(last);
+        let emitter = &self.emitters[chosen];
         // Uniform on the triangle: fold the square's upper half onto the lower.
         let barycentric = if u.x + u.y > 1.0 { 1.0 - u } else { u };
-        let point = triangle.position(barycentric);
-        let normal = triangle.area_vector().normalize();
+        let point =
+            emitter.corner + emitter.edges[0] * barycentric.x + emitter.edges[1] * barycentric.y;
         let to_light = point - from;
-        let distance = to_light.length();
-        let wi = to_light / distance;
-        let cosine = wi.dot(normal);
-        let pdf = self.pdf_area[triangle.material as usize] * distance * distance / cosine.abs();
+        let distance2 = to_light.length_squared();
+        let wi = to_light / distance2.sqrt();
+        let cosine = wi.dot(emitter.normal);
+        let pdf = emitter.pdf_area * distance2 / cosine.abs();
         // Not so for a NaN, at distance 0.
         (pdf > 0.0 && pdf.is_finite()).then(|| LightSample {
             wi,
-            target: Some(offset(point, normal * -cosine.signum(), self.scale)),
-            radiance: scene.emission(triangle, barycentric),
+            target: Some(offset(point, emitter.normal * -cosine.signum(), self.scale)),
+            radiance: scene.emission(&scene.triangles[emitter.triangle as usize], barycentric),
             pdf,
         })
     }

@@ -6,10 +6,11 @@ use obvhs::ray::Ray;
 
 use crate::{
     SampleStream, Scattering, Scene, Triangle,
-    accelerator::{Accelerator, Hit, offset},
+    accelerator::{build, new_ray, offset},
     bsdf::{Bsdf, Frame, Prepared},
     light::{LightSample, Lights},
     scene::interpolate,
+    traversal::{Hit, Tree},
 };
 
 /// Russian roulette may end a path from this vertex on.
@@ -20,7 +21,7 @@ const MAX_SURVIVAL: f32 = 0.95;
 /// A scene with everything that paths need.
 pub(crate) struct PathTracer<'a> {
     scene: &'a Scene,
-    accelerator: Accelerator,
+    tree: Tree,
     lights: Lights,
     /// By triangle: the unit geometric normal.
     normals: Vec<Vec3A>,
@@ -58,7 +59,7 @@ impl<'a> PathTracer<'a> {
         let (low, high) = scene.bounds();
         Self {
             scene,
-            accelerator: Accelerator::new(&scene.triangles),
+            tree: build(&scene.triangles),
             lights: Lights::new(scene),
             normals: scene.triangles.iter().map(|t| t.area_vector().normalize()).collect(),
             scattering: scene.materials.iter().map(Prepared::new).collect(),
@@ -77,14 +78,14 @@ impl<'a> PathTracer<'a> {
         let scene = self.scene;
         let mut radiance = Vec3A::ZERO;
         let mut throughput = Vec3A::ONE;
-        let mut ray = Ray::new_inf(origin, direction);
+        let mut ray = new_ray(origin, direction, f32::INFINITY);
         // The density, with respect to solid angle, of the direction of `ray`;
         // `None` where light sampling could not have found it: from the camera,
         // and after a delta distribution.
         let mut pdf_bsdf = None;
 
         for vertex in 1..=scene.max_depth {
-            let Some(hit) = self.accelerator.intersect(&ray) else {
+            let Some(hit) = self.tree.nearest(&ray) else {
                 let pdf_light = self.lights.pdf_escape(ray.direction);
                 let weight = self.weight_bsdf(pdf_bsdf, pdf_light);
                 return radiance + throughput * scene.environment.radiance(ray.direction) * weight;
@@ -129,7 +130,7 @@ impl<'a> PathTracer<'a> {
             } else if throughput == Vec3A::ZERO {
                 return radiance;
             }
-            ray = Ray::new_inf(self.origin(&surface, side), wi);
+            ray = new_ray(self.origin(&surface, side), wi, f32::INFINITY);
         }
         radiance
     }
@@ -161,15 +162,12 @@ impl<'a> PathTracer<'a> {
     }
 
     fn is_hidden(&self, origin: Vec3A, light: &LightSample) -> bool {
-        let ray = match light.target {
-            Some(target) => {
-                let to_light = target - origin;
-                let reach = to_light.length();
-                Ray::new(origin, to_light / reach, 0.0, reach)
-            }
-            None => Ray::new_inf(origin, light.wi),
+        // To the light and no farther: in units of the way there, up to 1.
+        let (direction, tmax) = match light.target {
+            Some(target) => (target - origin, 1.0),
+            None => (light.wi, f32::INFINITY),
         };
-        self.accelerator.occluded(&ray)
+        self.tree.any(&new_ray(origin, direction, tmax))
     }
 
     /// Where a ray leaves the surface to the side of the normal that `side` tells.

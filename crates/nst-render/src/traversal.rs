@@ -3,8 +3,11 @@
 //!
 //! The two give the same bits: both round after every multiplication.
 
-use glam::Vec3A;
-use obvhs::{cwbvh::node::CwBvhNode, ray::Ray, rt_triangle::RtTriangle};
+use glam::{Vec2, Vec3A};
+use obvhs::{
+    cwbvh::{CwBvh, node::CwBvhNode},
+    ray::Ray,
+};
 use smallvec::SmallVec;
 
 /// Which instructions the processor has.
@@ -30,16 +33,48 @@ impl Instructions {
     }
 }
 
-/// The nodes of a tree, and the triangles in the order of its leaves.
+/// An intersection.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Hit {
+    /// Distance along the ray, in units of its direction.
+    pub(crate) t: f32,
+    /// Index into the triangles that the tree was built from.
+    pub(crate) triangle: u32,
+    /// The barycentric weights of the second and third corner.
+    pub(crate) barycentric: Vec2,
+}
+
+/// The nodes of a tree, and the triangles of their leaves.
 pub(crate) struct Tree {
-    pub(crate) nodes: Vec<CwBvhNode>,
-    pub(crate) triangles: Vec<RtTriangle>,
+    nodes: Vec<CwBvhNode>,
+    /// The triangles of one node take up to three blocks of their own.
+    blocks: Vec<Block>,
     pub(crate) instructions: Instructions,
 }
 
 impl Tree {
-    /// The distance and the index of the nearest triangle in the ray's interval.
-    pub(crate) fn nearest(&self, ray: &Ray) -> Option<(f32, u32)> {
+    /// Takes obvhs' tree and the corners of the triangles it was built from.
+    pub(crate) fn new(bvh: CwBvh, corners: &[[Vec3A; 3]]) -> Self {
+        let mut nodes = bvh.nodes;
+        let mut blocks = Vec::new();
+        for node in &mut nodes {
+            let leaves = (0..8).filter(|&child| node.is_leaf(child) && !node.is_child_empty(child));
+            let end = |child| {
+                let (first, count) = node.child_primitives(child);
+                first + count
+            };
+            let first = node.primitive_base_idx;
+            let count = leaves.map(end).max().unwrap_or(first) - first;
+            let indices = &bvh.primitive_indices[first as usize..(first + count) as usize];
+            // From here on, the index of the node's first block.
+            node.primitive_base_idx = blocks.len() as u32;
+            blocks.extend(indices.chunks(WIDTH).map(|chunk| Block::new(chunk, corners)));
+        }
+        Self { nodes, blocks, instructions: Instructions::detect() }
+    }
+
+    /// The nearest hit in the ray's interval.
+    pub(crate) fn nearest(&self, ray: &Ray) -> Option<Hit> {
         match self.instructions {
             Instructions::Portable => traverse::<false>(self, ray),
             #[cfg(target_arch = "x86_64")]
@@ -61,9 +96,85 @@ impl Tree {
     }
 }
 
+/// How many boxes, and how many triangles, are tested at once.
+const WIDTH: usize = 8;
+
+/// Eight triangles, coordinate by coordinate. Slots that are left over hold a
+/// point, which no ray hits.
+#[derive(Clone, Debug)]
+struct Block {
+    corner: [[f32; WIDTH]; 3],
+    /// To the second and to the third corner.
+    edges: [[[f32; WIDTH]; 3]; 2],
+    /// The product of the edges.
+    normal: [[f32; WIDTH]; 3],
+    triangles: [u32; WIDTH],
+}
+
+impl Block {
+    fn new(indices: &[u32], corners: &[[Vec3A; 3]]) -> Self {
+        let mut block = Self {
+            corner: [[0.0; WIDTH]; 3],
+            edges: [[[0.0; WIDTH]; 3]; 2],
+            normal: [[0.0; WIDTH]; 3],
+            triangles: [u32::MAX; WIDTH],
+        };
+        for (slot, &index) in indices.iter().enumerate() {
+            let [a, b, c] = corners[index as usize];
+            let (e1, e2) = (b - a, c - a);
+            let normal = e1.cross(e2);
+            for axis in 0..3 {
+                block.corner[axis][slot] = a[axis];
+                block.edges[0][axis][slot] = e1[axis];
+                block.edges[1][axis][slot] = e2[axis];
+                block.normal[axis][slot] = normal[axis];
+            }
+            block.triangles[slot] = index;
+        }
+        block
+    }
+
+    /// The nearest hit within the ray's interval among the slots of `wanted`
+    /// (Möller and Trumbore 1997, with the normal at hand).
+    #[inline(always)]
+    fn intersect(&self, ray: &Ray, wanted: u32) -> Option<Hit> {
+        let [ox, oy, oz] = ray.origin.to_array();
+        let [dx, dy, dz] = ray.direction.to_array();
+        let ([ax, ay, az], [nx, ny, nz]) = (&self.corner, &self.normal);
+        let [[e1x, e1y, e1z], [e2x, e2y, e2z]] = &self.edges;
+        let (mut t, mut u, mut v) = ([0.0_f32; WIDTH], [0.0_f32; WIDTH], [0.0_f32; WIDTH]);
+        let mut hits = 0;
+        for i in 0..WIDTH {
+            let (cx, cy, cz) = (ax[i] - ox, ay[i] - oy, az[i] - oz);
+            let inverse = 1.0 / (nx[i] * dx + ny[i] * dy + nz[i] * dz);
+            let (rx, ry, rz) = (cy * dz - cz * dy, cz * dx - cx * dz, cx * dy - cy * dx);
+            t[i] = (nx[i] * cx + ny[i] * cy + nz[i] * cz) * inverse;
+            u[i] = (rx * e2x[i] + ry * e2y[i] + rz * e2z[i]) * inverse;
+            v[i] = -(rx * e1x[i] + ry * e1y[i] + rz * e1z[i]) * inverse;
+        }
+        for i in 0..WIDTH {
+            // All false for a NaN, of a ray in the plane of the triangle.
+            let inside = (u[i] >= 0.0) & (v[i] >= 0.0) & (u[i] + v[i] <= 1.0);
+            let within = (t[i] >= ray.tmin) & (t[i] < ray.tmax);
+            hits |= u32::from(inside & within) << i;
+        }
+        hits &= wanted;
+        let mut nearest: Option<Hit> = None;
+        while hits != 0 {
+            let i = hits.trailing_zeros() as usize;
+            hits &= hits - 1;
+            if nearest.is_none_or(|hit| t[i] < hit.t) {
+                let barycentric = Vec2::new(u[i], v[i]);
+                nearest = Some(Hit { t: t[i], triangle: self.triangles[i], barycentric });
+            }
+        }
+        nearest
+    }
+}
+
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-fn nearest_avx2(tree: &Tree, ray: &Ray) -> Option<(f32, u32)> {
+fn nearest_avx2(tree: &Tree, ray: &Ray) -> Option<Hit> {
     traverse::<false>(tree, ray)
 }
 
@@ -86,7 +197,7 @@ const HITS: u32 = 0xff00_0000;
 
 /// The nearest hit, or with `ANY` the first that turns up.
 #[inline(always)]
-fn traverse<const ANY: bool>(tree: &Tree, ray: &Ray) -> Option<(f32, u32)> {
+fn traverse<const ANY: bool>(tree: &Tree, ray: &Ray) -> Option<Hit> {
     let slabs = Slabs::new(ray);
     let mut ray = *ray;
     let mut found = None;
@@ -105,17 +216,17 @@ fn traverse<const ANY: bool>(tree: &Tree, ray: &Ray) -> Option<(f32, u32)> {
         let hits = slabs.hits(node, ray.tmax);
 
         let mut triangles = hits & !HITS;
+        let mut block = node.primitive_base_idx as usize;
         while triangles != 0 {
-            let index = node.primitive_base_idx + triangles.trailing_zeros();
-            triangles &= triangles - 1;
-            let t = tree.triangles[index as usize].intersect(&ray);
-            if t < ray.tmax {
-                ray.tmax = t;
-                found = Some((t, index));
+            if let Some(hit) = tree.blocks[block].intersect(&ray, triangles & 0xff) {
                 if ANY {
-                    return found;
+                    return Some(hit);
                 }
+                ray.tmax = hit.t;
+                found = Some(hit);
             }
+            triangles >>= WIDTH;
+            block += 1;
         }
 
         group = Group { base: node.child_base_idx, bits: hits & HITS | u32::from(node.imask) };
@@ -161,8 +272,8 @@ impl Slabs {
     fn hits(&self, node: &CwBvhNode, tmax: f32) -> u32 {
         let scale = node.compute_extent() * self.inverse;
         let origin = (Vec3A::from(node.p) - self.origin) * self.inverse;
-        let mut near = [self.tmin; 8];
-        let mut far = [tmax; 8];
+        let mut near = [self.tmin; WIDTH];
+        let mut far = [tmax; WIDTH];
         let planes = [
             (&node.child_min_x, &node.child_max_x),
             (&node.child_min_y, &node.child_max_y),
@@ -171,7 +282,7 @@ impl Slabs {
         for (axis, (low, high)) in planes.into_iter().enumerate() {
             let (first, second) = if self.negative[axis] { (high, low) } else { (low, high) };
             let (scale, origin) = (scale[axis], origin[axis]);
-            for i in 0..8 {
+            for i in 0..WIDTH {
                 let enter = f32::from(first[i]) * scale + origin;
                 let leave = f32::from(second[i]) * scale + origin;
                 near[i] = if enter > near[i] { enter } else { near[i] };
@@ -180,8 +291,8 @@ impl Slabs {
         }
         let (bits, shifts) = node.get_child_and_index_bits(self.octant);
         let (bits, shifts) = (bits.to_le_bytes(), shifts.to_le_bytes());
-        let mut hits = [0_u32; 8];
-        for i in 0..8 {
+        let mut hits = [0_u32; WIDTH];
+        for i in 0..WIDTH {
             let hit = u32::from(near[i] <= far[i] * SLACK).wrapping_neg();
             hits[i] = hit & (u32::from(bits[i]) << u32::from(shifts[i] & 31));
         }
