@@ -107,7 +107,7 @@ fn sidecars() {
 fn command_lines() {
     let bench = Bench::new();
     bench.write("x.obj", TRIANGLE);
-    let cases: [(&str, &[&str]); 11] = [
+    let cases: [(&str, &[&str]); 14] = [
         ("--spp 0", &["--spp", "0"]),
         ("--spp many", &["--spp"]),
         ("--size 10", &["--size", "512x512"]),
@@ -117,6 +117,9 @@ fn command_lines() {
         ("--threads 0", &["--threads"]),
         ("--max-depth 0", &["--max-depth"]),
         ("-o picture.png", &[".exr"]),
+        ("--runs 2 -o picture.exr", &[".safetensors"]),
+        ("--runs 0", &["--runs"]),
+        ("--runs 2 --sequence seq.exr", &["--runs", "--sequence"]),
         ("--keep all", &["--sequence"]),
         ("--transform none --weights w.safetensors", &["--weights"]),
     ];

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use common::{Bench, cornell};
 use nst_render::{film::read_exr_layer, sequence_file::SequenceFile};
+use safetensors::SafeTensors;
 
 fn picture(path: &Path) -> Vec<f32> {
     read_exr_layer(path, "").expect("a picture").1
@@ -191,4 +192,48 @@ fn bench_scene_writes_a_row_per_method_and_run() {
             && lines[12].starts_with("cornell,families,16,1,"),
         "{csv}"
     );
+}
+
+#[test]
+fn runs_become_one_dataset() {
+    let bench = Bench::new();
+    let scene = format!("render --scene {} --spp 9 --size 5x4 --quiet", cornell());
+    bench.succeed(&format!("{scene} --seed 40 --runs 3 -o runs.safetensors"));
+    assert_eq!(bench.files(), ["runs.safetensors"]);
+    let bytes = std::fs::read(bench.path("runs.safetensors")).expect("the dataset");
+    let (_, header) = SafeTensors::read_metadata(&bytes).expect("a header");
+    let metadata = header.metadata().clone().expect("metadata");
+    assert_eq!((metadata["width"].as_str(), metadata["height"].as_str()), ("5", "4"));
+    assert_eq!((metadata["first_seed"].as_str(), metadata["sampler"].as_str()), ("40", "random"));
+    assert!(metadata["scene"].starts_with("cornell:"));
+    let tensors = SafeTensors::deserialize(&bytes).expect("a safetensors file");
+    let sequences = tensors.tensor("sequences").expect("the tensor");
+    assert_eq!(sequences.shape(), [3, 9, 60]);
+
+    // Run 2 is the rendering with the third seed, bit for bit.
+    bench.succeed(&format!("{scene} --seed 42 --keep all --sequence seq.exr -o x.exr"));
+    let stored = SequenceFile::read(&bench.path("seq.exr")).expect("a sequence");
+    let (numbers, _) = sequences.data().as_chunks();
+    let run: Vec<f32> = numbers[2 * 9 * 60..].iter().map(|&b| f32::from_le_bytes(b)).collect();
+    assert!(stored.batch.terms().iter().eq(&run));
+}
+
+#[test]
+fn samplers_and_integrators_differ_in_what_they_say_they_do() {
+    let bench = Bench::new();
+    let scene =
+        format!("render --scene {} --spp 16 --size 16x16 --quiet --transform none", cornell());
+    let render = |options: &str| {
+        bench.succeed(&format!("{scene} {options} --sequence seq.exr -o x.exr"));
+        SequenceFile::read(&bench.path("seq.exr")).expect("a sequence")
+    };
+    let (random, halton) = (render(""), render("--sampler halton"));
+    assert_eq!((random.sampler.as_str(), halton.sampler.as_str()), ("random", "halton"));
+    assert_ne!(random.batch, halton.batch);
+    // The same integrals, whichever numbers they are sampled with.
+    assert_eq!(random.scene, halton.scene);
+    let direct = render("--integrator direct");
+    assert_eq!(direct.batch, render("--max-depth 2").batch);
+    let sum = |file: &SequenceFile| file.batch.last().iter().map(|&x| f64::from(x)).sum::<f64>();
+    assert!(sum(&direct) < 0.95 * sum(&random));
 }
