@@ -1,0 +1,58 @@
+//! What a rendering keeps in memory, by the high-water mark of this process. It
+//! is the only test of its binary, so that nothing else moves the mark.
+#![cfg(target_os = "linux")]
+
+use std::path::Path;
+
+use nst_render::{
+    FOLDS, Keep, RenderSettings, SamplerKind, Scene, output::OutputFile, render,
+    sequence_file::SequenceFile,
+};
+
+const SIZE: [u32; 2] = [1024, 1024];
+
+/// The largest resident set so far, in bytes.
+fn peak() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").expect("Linux");
+    let line = status.lines().find(|line| line.starts_with("VmHWM:")).expect("the mark");
+    let kibibytes = line.split_whitespace().nth(1).and_then(|n| n.parse::<u64>().ok());
+    kibibytes.expect("a number") * 1024
+}
+
+/// Renders, and writes the sequence to a file.
+fn render_and_store(scene: &Scene, spp: u32, keep: Keep) {
+    let settings = RenderSettings { spp, sampler: SamplerKind::Random, seed: 1, keep };
+    let rendering = render(scene, &settings, &|_| {}).expect("the scene renders");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut output = OutputFile::create(&folder.path().join("x.exr")).expect("a file");
+    let file = SequenceFile {
+        size: SIZE,
+        batch: rendering.batch,
+        scene: scene.fingerprint(),
+        sampler: "random".into(),
+        seed: 1,
+        render_seconds: 0.0,
+    };
+    file.write(&mut output).expect("it can be written");
+}
+
+/// Per lane: eight terms, the fold means and the variance, once. At 3840×2160
+/// that is 1.3 GB, whatever the number of samples.
+#[test]
+fn a_window_takes_what_it_holds_and_little_more() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell/cornell.obj");
+    let scene = Scene { size: SIZE, max_depth: 2, ..Scene::load(&path).expect("the scene") };
+    let numbers = (8 + FOLDS as u64 + 1) * 3 * u64::from(SIZE[0]) * u64::from(SIZE[1]);
+    let held = 4 * numbers;
+    // For the code itself, and the blocks of sixteen lines (3 MiB each) that
+    // wait to be compressed or are, some for each thread.
+    let allowed = held + (64 << 20);
+
+    let before = peak();
+    render_and_store(&scene, 8, Keep::Window(8));
+    let window = peak() - before;
+    assert!((held..allowed).contains(&window), "{window} bytes, not {held} to {allowed}");
+    // The mark must see what is kept beyond the window.
+    render_and_store(&scene, 16, Keep::All);
+    assert!(peak() - before > allowed);
+}
