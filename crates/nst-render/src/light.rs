@@ -42,7 +42,7 @@ pub(crate) struct Lights {
     environment: Option<EnvironmentSampler>,
     /// The probability of choosing the environment.
     environment_share: f32,
-    /// The largest coordinate of the scene, for [`offset`].
+    /// [`Scene::scale`], for [`offset`].
     scale: f32,
 }
 
@@ -112,8 +112,7 @@ impl Lights {
                 }
             })
             .collect();
-        let scale = low.abs().max(high.abs()).max_element();
-        Self { emitters, pdf_area, environment, environment_share, scale }
+        Self { emitters, pdf_area, environment, environment_share, scale: scene.scale() }
     }
 
     /// A direction from the point `from` to a light; `None` if there is no light,

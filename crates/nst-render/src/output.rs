@@ -47,7 +47,8 @@ impl OutputFile {
         &self.path
     }
 
-    pub(crate) fn file(&mut self) -> &mut File {
+    /// The file under its temporary name, open for writing.
+    pub fn file(&mut self) -> &mut File {
         self.file.as_file_mut()
     }
 

@@ -27,7 +27,7 @@ pub(crate) struct PathTracer<'a> {
     normals: Vec<Vec3A>,
     /// By material.
     scattering: Vec<Prepared>,
-    /// The largest coordinate of the scene, for [`offset`].
+    /// [`Scene::scale`], for [`offset`].
     scale: f32,
     strategy: Strategy,
 }
@@ -56,14 +56,13 @@ struct Surface {
 
 impl<'a> PathTracer<'a> {
     pub(crate) fn new(scene: &'a Scene) -> Self {
-        let (low, high) = scene.bounds();
         Self {
             scene,
             tree: build(&scene.triangles),
             lights: Lights::new(scene),
             normals: scene.triangles.iter().map(|t| t.area_vector().normalize()).collect(),
             scattering: scene.materials.iter().map(Prepared::new).collect(),
-            scale: low.abs().max(high.abs()).max_element(),
+            scale: scene.scale(),
             strategy: Strategy::Both,
         }
     }

@@ -130,7 +130,8 @@ impl Planes {
         let spp = settings.spp;
         let first_term = match settings.keep {
             Keep::All => 1,
-            Keep::Window(length) => (spp + 1).saturating_sub(length.max(1)).max(1),
+            // From spp − length + 1 on, without a step beyond u32.
+            Keep::Window(length) => spp.saturating_sub(length.max(1) - 1).max(1),
         };
         Self { spp, first_term }
     }
@@ -266,5 +267,25 @@ impl Frame<'_> {
         let direction = self.projection.direction(Vec2::new(x as f32, y as f32) + within);
         let radiance = self.tracer.radiance(self.projection.origin, direction, &mut samples);
         radiance.to_array().map(f64::from)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kept_terms() {
+        let kept = |spp, keep| {
+            let settings = RenderSettings { spp, sampler: SamplerKind::Random, seed: 0, keep };
+            let planes = Planes::new(&settings);
+            (planes.first_term, planes.terms())
+        };
+        assert_eq!(kept(64, Keep::Window(8)), (57, 8));
+        assert_eq!(kept(64, Keep::All), (1, 64));
+        assert_eq!(kept(8, Keep::Window(8)), (1, 8));
+        assert_eq!(kept(5, Keep::Window(8)), (1, 5));
+        assert_eq!(kept(5, Keep::Window(0)), (5, 1));
+        assert_eq!(kept(u32::MAX, Keep::Window(8)), (u32::MAX - 7, 8));
     }
 }

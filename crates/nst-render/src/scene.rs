@@ -128,6 +128,12 @@ impl Scene {
         material.color * textured(material.color_texture.as_deref(), triangle, barycentric)
     }
 
+    /// The largest coordinate: rounding is relative to it, for rays that leave surfaces.
+    pub(crate) fn scale(&self) -> f32 {
+        let (low, high) = self.bounds();
+        low.abs().max(high.abs()).max_element()
+    }
+
     /// The corners of the axis-aligned bounding box.
     #[must_use]
     pub fn bounds(&self) -> (Vec3A, Vec3A) {

@@ -49,7 +49,8 @@ fn bench_scene(args: &BenchSceneArgs) -> Result<(), Error> {
     let fingerprint = scene.fingerprint();
 
     let csv_error = |source| Error::Csv { path: args.output.clone(), source };
-    let mut writer = csv::Writer::from_path(&args.output).map_err(csv_error)?;
+    let mut output = OutputFile::create(&args.output)?;
+    let mut writer = csv::Writer::from_writer(output.file());
     // MSE summed over the runs, by method and sample count.
     let mut sums: BTreeMap<(String, u32), f64> = BTreeMap::new();
     for &spp in &args.spp {
@@ -99,6 +100,8 @@ fn bench_scene(args: &BenchSceneArgs) -> Result<(), Error> {
         }
     }
     writer.flush().map_err(|error| csv_error(error.into()))?;
+    drop(writer);
+    output.commit()?;
     if !args.common.quiet {
         println!("MSE = mean (x − I)², ratio to none, over {} runs", args.runs);
         for ((method, spp), mse) in &sums {

@@ -3,7 +3,7 @@
 use indicatif::{ProgressBar, ProgressStyle};
 use nst_core::Estimates;
 use nst_render::{
-    Keep, RenderSettings, Rendering, Scene, VARIANCE,
+    Keep, RenderSettings, Rendering, Scene,
     dataset::{DatasetInfo, DatasetWriter},
     film,
     output::OutputFile,
@@ -11,7 +11,7 @@ use nst_render::{
     sequence_file::SequenceFile,
 };
 
-use super::set_threads;
+use super::{set_threads, write_picture};
 use crate::{
     args::{IntegratorArg, KeepArg, RenderArgs},
     error::Error,
@@ -31,7 +31,8 @@ fn picture(args: &RenderArgs) -> Result<(), Error> {
     let mut watch = Stopwatch::start();
     let scene = timed(&mut watch.io, || load_scene(args))?;
     let exr_path = args.output(&scene.name)?;
-    let method = Method::resolve(&args.method, &scene.fingerprint(), args.spp)?;
+    let fingerprint = scene.fingerprint();
+    let method = Method::resolve(&args.method, &fingerprint, args.spp)?;
     let advice = format!("use --spp {} or more, or --transform none", method.transform.window());
     method.check_terms(args.spp as usize, &advice)?;
 
@@ -59,15 +60,13 @@ fn picture(args: &RenderArgs) -> Result<(), Error> {
 
     let mut written = Vec::new();
     timed(&mut watch.io, || -> Result<(), Error> {
-        let mut layers = vec![("S", batch.last())];
-        layers.extend(batch.side(VARIANCE).map(|variance| (VARIANCE, variance)));
-        film::write_exr(&mut exr, scene.size, estimates.values(), &layers)?;
+        write_picture(&mut exr, scene.size, &batch, &estimates)?;
         film::write_png(&mut png, scene.size, estimates.values())?;
         if let Some(output) = &mut sequence {
             let file = SequenceFile {
                 size: scene.size,
                 batch,
-                scene: scene.fingerprint(),
+                scene: fingerprint,
                 sampler: settings.sampler.name().to_owned(),
                 seed: args.seed,
                 render_seconds: time.as_secs_f32(),

@@ -1,9 +1,9 @@
 //! `nst transform`: a stored sequence → transformation → picture.
 
 use nst_core::Estimates;
-use nst_render::{VARIANCE, film, output::OutputFile, sequence_file::SequenceFile};
+use nst_render::{output::OutputFile, sequence_file::SequenceFile};
 
-use super::set_threads;
+use super::{set_threads, write_picture};
 use crate::{
     args::TransformArgs,
     error::Error,
@@ -29,10 +29,8 @@ pub(crate) fn run(args: &TransformArgs) -> Result<(), Error> {
     let mut estimates = Estimates::default();
     timed(&mut watch.transform, || method.transform.apply(batch, &mut estimates))?;
     timed(&mut watch.io, || {
-        let mut layers = vec![("S", batch.last())];
-        layers.extend(batch.side(VARIANCE).map(|variance| (VARIANCE, variance)));
-        film::write_exr(&mut exr, file.size, estimates.values(), &layers)?;
-        exr.commit()
+        write_picture(&mut exr, file.size, batch, &estimates)?;
+        Ok::<_, Error>(exr.commit()?)
     })?;
     let written = vec![output.display().to_string()];
     watch.summary(None, &method, &estimates, written).print(&args.common);
