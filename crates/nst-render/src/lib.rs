@@ -16,6 +16,8 @@ mod environment;
 mod error;
 mod exr_file;
 pub mod film;
+mod instructions;
+mod lanes;
 mod light;
 mod load;
 mod material;
@@ -26,7 +28,6 @@ mod sampler;
 mod scene;
 pub mod sequence_file;
 mod texture;
-mod traversal;
 
 pub use camera::{Camera, PixelFilter};
 pub use error::Error;

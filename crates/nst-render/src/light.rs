@@ -3,21 +3,33 @@
 
 use std::f32::consts::PI;
 
-use glam::{Vec2, Vec3A};
+use glam::{Vec2, Vec3, Vec3A};
 
-use crate::{Scene, Triangle, accelerator::offset, environment::EnvironmentSampler};
+use crate::{
+    Scene, Triangle,
+    accelerator::{Rays, offset},
+    environment::EnvironmentSampler,
+    lanes::{LANES, Vec3s},
+};
 
-/// A direction towards a light.
+/// Directions from sixteen points towards lights.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LightSample {
-    /// Unit direction to the light.
-    pub(crate) wi: Vec3A,
-    /// The point of the light, moved off its surface so that the light does not
-    /// hide it; `None` for the environment.
-    pub(crate) target: Option<Vec3A>,
-    pub(crate) radiance: Vec3A,
-    /// Probability density with respect to solid angle.
-    pub(crate) pdf: f32,
+#[repr(C, align(64))]
+pub(crate) struct LightSamples {
+    /// From the points to the lights and no farther: to a point that is off its
+    /// light's surface, so that the light does not hide it.
+    pub(crate) rays: Rays,
+    /// The rays' directions, with length 1.
+    pub(crate) wi: Vec3s,
+    pub(crate) radiance: Vec3s,
+    /// Probability density with respect to solid angle; 0 if there is no light,
+    /// or if the chosen one is seen edge-on.
+    pub(crate) pdf: [f32; LANES],
+}
+
+impl LightSamples {
+    pub(crate) const NONE: Self =
+        Self { rays: Rays::NONE, wi: Vec3s::ZERO, radiance: Vec3s::ZERO, pdf: [0.0; LANES] };
 }
 
 /// An emitting triangle, with what a sample of it needs side by side.
@@ -26,11 +38,26 @@ struct Emitter {
     triangle: u32,
     /// The probability of this or an earlier emitter; 1 for the last.
     cumulative: f32,
-    corner: Vec3A,
-    edges: [Vec3A; 2],
+    corner: Vec3,
+    edges: [Vec3; 2],
     /// Unit geometric normal.
-    normal: Vec3A,
+    normal: Vec3,
     pdf_area: f32,
+    /// Without its texture.
+    radiance: Vec3,
+    textured: bool,
+}
+
+/// Points of emitters.
+#[repr(C, align(64))]
+struct ChosenEmitters {
+    point: Vec3s,
+    normal: Vec3s,
+    pdf_area: [f32; LANES],
+}
+
+impl ChosenEmitters {
+    const ZERO: Self = Self { point: Vec3s::ZERO, normal: Vec3s::ZERO, pdf_area: [0.0; LANES] };
 }
 
 /// The lights of a scene.
@@ -101,59 +128,97 @@ impl Lights {
             .map(|(index, power)| {
                 cumulative += power;
                 let triangle = &scene.triangles[index as usize];
+                let material = &scene.materials[triangle.material as usize];
                 let [a, b, c] = triangle.positions;
                 Emitter {
                     triangle: index,
                     cumulative: (cumulative / total) as f32,
-                    corner: a,
-                    edges: [b - a, c - a],
-                    normal: triangle.area_vector().normalize(),
+                    corner: a.into(),
+                    edges: [(b - a).into(), (c - a).into()],
+                    normal: triangle.area_vector().normalize().into(),
                     pdf_area: pdf_area[triangle.material as usize],
+                    radiance: material.emission.into(),
+                    textured: material.emission_texture.is_some(),
                 }
             })
             .collect();
         Self { emitters, pdf_area, environment, environment_share, scale: scene.scale() }
     }
 
-    /// A direction from the point `from` to a light; `None` if there is no light,
-    /// or if the chosen one is seen edge-on.
+    /// Chooses a light for each point with `pick`, and a point of it with `u`.
+    #[inline(always)]
     pub(crate) fn sample(
         &self,
         scene: &Scene,
-        from: Vec3A,
-        pick: f32,
-        u: Vec2,
-    ) -> Option<LightSample> {
-        if pick < self.environment_share {
-            let (wi, pdf) = self.environment.as_ref()?.sample(u)?;
-            let radiance = scene.environment.radiance(wi);
-            return Some(LightSample {
-                wi,
-                target: None,
-                radiance,
-                pdf: pdf * self.environment_share,
-            });
+        from: &Vec3s,
+        pick: &[f32; LANES],
+        u: &[[f32; LANES]; 2],
+        samples: &mut LightSamples,
+    ) {
+        samples.rays.origin = *from;
+        samples.pdf = [0.0; LANES];
+        if !self.emitters.is_empty() {
+            self.sample_emitters(scene, pick, u, samples);
         }
-        let pick = (pick - self.environment_share) / (1.0 - self.environment_share);
-        let last = self.emitters.len().checked_sub(1)?;
-        let chosen = self.emitters.partition_point(|e| e.cumulative <= pick).min(last);
-        let emitter = &self.emitters[chosen];
-        // Uniform on the triangle: fold the square's upper half onto the lower.
-        let barycentric = if u.x + u.y > 1.0 { 1.0 - u } else { u };
-        let point =
-            emitter.corner + emitter.edges[0] * barycentric.x + emitter.edges[1] * barycentric.y;
-        let to_light = point - from;
-        let distance2 = to_light.length_squared();
-        let wi = to_light / distance2.sqrt();
-        let cosine = wi.dot(emitter.normal);
-        let pdf = emitter.pdf_area * distance2 / cosine.abs();
-        // Not so for a NaN, at distance 0.
-        (pdf > 0.0 && pdf.is_finite()).then(|| LightSample {
-            wi,
-            target: Some(offset(point, emitter.normal * -cosine.signum(), self.scale)),
-            radiance: scene.emission(&scene.triangles[emitter.triangle as usize], barycentric),
-            pdf,
-        })
+        if let Some(environment) = &self.environment {
+            for i in (0..LANES).filter(|&i| pick[i] < self.environment_share) {
+                samples.pdf[i] = 0.0;
+                if let Some((wi, pdf)) = environment.sample(Vec2::new(u[0][i], u[1][i])) {
+                    samples.wi.set(i, wi.into());
+                    samples.rays.direction.set(i, wi.into());
+                    samples.rays.tmax[i] = f32::INFINITY;
+                    samples.radiance.set(i, scene.environment.radiance(wi).into());
+                    samples.pdf[i] = pdf * self.environment_share;
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn sample_emitters(
+        &self,
+        scene: &Scene,
+        pick: &[f32; LANES],
+        u: &[[f32; LANES]; 2],
+        samples: &mut LightSamples,
+    ) {
+        // What is looked up lane by lane, for the loop without branches below.
+        let mut chosen = ChosenEmitters::ZERO;
+        let scale = 1.0 / (1.0 - self.environment_share);
+        for i in 0..LANES {
+            let pick = (pick[i] - self.environment_share) * scale;
+            let last = self.emitters.len() - 1;
+            let emitter =
+                &self.emitters[self.emitters.partition_point(|e| e.cumulative <= pick).min(last)];
+            // Uniform on the triangle: fold the square's upper half onto the lower.
+            let u = Vec2::new(u[0][i], u[1][i]);
+            let barycentric = if u.x + u.y > 1.0 { 1.0 - u } else { u };
+            let [e1, e2] = emitter.edges;
+            chosen.point.set(i, emitter.corner + e1 * barycentric.x + e2 * barycentric.y);
+            chosen.normal.set(i, emitter.normal);
+            chosen.pdf_area[i] = emitter.pdf_area;
+            let radiance = if emitter.textured {
+                scene.emission(&scene.triangles[emitter.triangle as usize], barycentric).into()
+            } else {
+                emitter.radiance
+            };
+            samples.radiance.set(i, radiance);
+        }
+        for i in 0..LANES {
+            let (from, point) = (samples.rays.origin.get(i), chosen.point.get(i));
+            let normal = chosen.normal.get(i);
+            let to_light = point - from;
+            let distance2 = to_light.length_squared();
+            let wi = to_light * (1.0 / distance2.sqrt());
+            let cosine = wi.dot(normal);
+            let pdf = chosen.pdf_area[i] * distance2 / cosine.abs();
+            let target = offset(point, normal * 1.0_f32.copysign(-cosine), self.scale);
+            samples.wi.set(i, wi);
+            samples.rays.direction.set(i, target - from);
+            samples.rays.tmax[i] = 1.0;
+            // Not so for a NaN, at distance 0.
+            samples.pdf[i] = if (pdf > 0.0) & (pdf < f32::INFINITY) { pdf } else { 0.0 };
+        }
     }
 
     /// The density, with respect to solid angle, with which [`Self::sample`] finds

@@ -5,7 +5,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use glam::Vec2;
+use glam::{Vec2, Vec3A};
 use ndarray::Array2;
 use nst_core::SequenceBatch;
 use rayon::prelude::*;
@@ -61,6 +61,8 @@ pub struct Rendering {
 /// Pixels along the side of a tile, the unit of work.
 const TILE: u32 = 16;
 const CHANNELS: usize = 3;
+/// Samples of each pixel of a tile that are traced side by side.
+const BATCH: usize = 8;
 
 /// Renders a scene. The result depends on the scene and the settings alone, not
 /// on the number of threads. `progress` is called with the number of paths of
@@ -213,60 +215,82 @@ impl Frame<'_> {
     /// The recorded numbers of a tile: `[plane][channel][pixel]`.
     fn tile(&self, tile: &Tile) -> Vec<f32> {
         let pixels = tile.pixels();
+        let Planes { spp, first_term } = self.planes;
         let mut values = vec![0.0; self.planes.count() * CHANNELS * pixels];
-        for i in 0..pixels {
-            let (x, y) = (tile.x + i as u32 % tile.width, tile.y + i as u32 / tile.width);
-            self.pixel(x, y, |plane, rgb| {
-                for (channel, value) in rgb.into_iter().enumerate() {
-                    values[(plane * CHANNELS + channel) * pixels + i] = value as f32;
+        let mut record = |plane: usize, pixel: usize, rgb: [f64; CHANNELS]| {
+            for (channel, value) in rgb.into_iter().enumerate() {
+                values[(plane * CHANNELS + channel) * pixels + pixel] = value as f32;
+            }
+        };
+        let mut sums = vec![Sums::default(); pixels];
+        for first in (0..spp).step_by(BATCH) {
+            let indices = first..spp.min(first.saturating_add(BATCH as u32));
+            let mut samples = self.samples(tile, indices.clone()).into_iter();
+            for (pixel, sums) in sums.iter_mut().enumerate() {
+                for (index, sample) in indices.clone().zip(&mut samples) {
+                    sums.add(index, sample.to_array().map(f64::from));
+                    let n = index + 1;
+                    if n >= first_term {
+                        let mean = sums.sum.map(|s| s / f64::from(n));
+                        record((n - first_term) as usize, pixel, mean);
+                    }
                 }
-            });
+            }
+        }
+        for (pixel, sums) in sums.iter().enumerate() {
+            let mut plane = self.planes.terms();
+            for (fold, sum) in sums.folds.iter().enumerate().take(self.planes.folds()) {
+                let count = (spp as usize - fold).div_ceil(FOLDS) as f64;
+                record(plane, pixel, sum.map(|s| s / count));
+                plane += 1;
+            }
+            if spp >= 2 {
+                record(plane, pixel, sums.variance(spp));
+            }
         }
         values
     }
 
-    /// Samples one pixel and hands each of its planes to `record`. Sums are in
-    /// f64: the differences between late terms are far below their size.
-    fn pixel(&self, x: u32, y: u32, mut record: impl FnMut(usize, [f64; CHANNELS])) {
-        let Planes { spp, first_term } = self.planes;
-        let mut sum = [0.0; CHANNELS];
-        let mut squares = [0.0; CHANNELS];
-        let mut folds = [[0.0; CHANNELS]; FOLDS];
-        for index in 0..spp {
-            let sample = self.sample(x, y, index);
-            for c in 0..CHANNELS {
-                sum[c] += sample[c];
-                squares[c] += sample[c] * sample[c];
-                folds[index as usize % FOLDS][c] += sample[c];
-            }
-            let n = index + 1;
-            if n >= first_term {
-                record((n - first_term) as usize, sum.map(|s| s / f64::from(n)));
-            }
-        }
-        let mut plane = self.planes.terms();
-        for (fold, sum) in folds.iter().enumerate().take(self.planes.folds()) {
-            let count = (spp as usize - fold).div_ceil(FOLDS) as f64;
-            record(plane, sum.map(|s| s / count));
-            plane += 1;
-        }
-        if spp >= 2 {
-            // (Σy² − (Σy)²/N) / (N (N − 1)); rounding may take it below zero.
-            let n = f64::from(spp);
-            let variance = |c: usize| (squares[c] - sum[c] * sum[c] / n).max(0.0) / (n * (n - 1.0));
-            record(plane, [0, 1, 2].map(variance));
+    /// The radiance of some samples of each pixel of a tile: `[pixel][sample]`.
+    fn samples(&self, tile: &Tile, indices: std::ops::Range<u32>) -> Vec<Vec3A> {
+        let camera = |pixel: u32, index: u32| {
+            let (x, y) = (tile.x + pixel % tile.width, tile.y + pixel / tile.width);
+            let mut samples = self.sampler.stream(y * self.width + x, index);
+            let within = match self.filter {
+                PixelFilter::Box => samples.next_2d(),
+                PixelFilter::Center => Vec2::splat(0.5),
+            };
+            (self.projection.direction(Vec2::new(x as f32, y as f32) + within), samples)
+        };
+        let pixels = 0..tile.pixels() as u32;
+        let paths = pixels.flat_map(|pixel| indices.clone().map(move |index| camera(pixel, index)));
+        self.tracer.radiances(self.sampler.kind(), self.projection.origin, paths)
+    }
+}
+
+/// What is summed up over the samples of a pixel, in f64: the differences
+/// between late terms are far below their size.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    sum: [f64; CHANNELS],
+    squares: [f64; CHANNELS],
+    folds: [[f64; CHANNELS]; FOLDS],
+}
+
+impl Sums {
+    fn add(&mut self, index: u32, sample: [f64; CHANNELS]) {
+        for c in 0..CHANNELS {
+            self.sum[c] += sample[c];
+            self.squares[c] += sample[c] * sample[c];
+            self.folds[index as usize % FOLDS][c] += sample[c];
         }
     }
 
-    fn sample(&self, x: u32, y: u32, index: u32) -> [f64; CHANNELS] {
-        let mut samples = self.sampler.stream(y * self.width + x, index);
-        let within = match self.filter {
-            PixelFilter::Box => samples.next_2d(),
-            PixelFilter::Center => Vec2::splat(0.5),
-        };
-        let direction = self.projection.direction(Vec2::new(x as f32, y as f32) + within);
-        let radiance = self.tracer.radiance(self.projection.origin, direction, &mut samples);
-        radiance.to_array().map(f64::from)
+    /// (Σy² − (Σy)²/N) / (N (N − 1)); rounding may take it below zero.
+    fn variance(&self, spp: u32) -> [f64; CHANNELS] {
+        let n = f64::from(spp);
+        [0, 1, 2]
+            .map(|c| (self.squares[c] - self.sum[c] * self.sum[c] / n).max(0.0) / (n * (n - 1.0)))
     }
 }
 

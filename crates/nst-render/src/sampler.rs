@@ -4,6 +4,8 @@ mod halton;
 
 use glam::Vec2;
 
+use crate::lanes::LANES;
+
 /// Which numbers a rendering draws.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SamplerKind {
@@ -40,15 +42,19 @@ impl Sampler {
         Self { kind, seed: mix(seed.wrapping_add(GAMMA)) }
     }
 
+    pub(crate) fn kind(&self) -> SamplerKind {
+        self.kind
+    }
+
     /// The numbers of one sample of one pixel, from dimension 0 on.
     #[must_use]
     pub fn stream(&self, pixel: u32, index: u32) -> SampleStream {
         // Halton's points belong together by pixel; random ones stand alone.
-        let state = match self.kind {
+        let key = match self.kind {
             SamplerKind::Random => mix(self.seed ^ (u64::from(pixel) << 32 | u64::from(index))),
             SamplerKind::Halton => mix(self.seed ^ u64::from(pixel) << 32),
         };
-        SampleStream { kind: self.kind, state, index, dimension: 0 }
+        SampleStream { kind: self.kind, key, index, dimension: 0 }
     }
 }
 
@@ -56,8 +62,7 @@ impl Sampler {
 #[derive(Clone, Copy, Debug)]
 pub struct SampleStream {
     kind: SamplerKind,
-    /// SplitMix64's state (Steele, Lea, Flood 2014); for Halton, the key of the pixel.
-    state: u64,
+    key: u64,
     index: u32,
     dimension: u32,
 }
@@ -66,46 +71,118 @@ impl SampleStream {
     /// The next dimension, uniform on [0, 1).
     #[inline]
     pub fn next_1d(&mut self) -> f32 {
+        let dimension = self.dimension;
+        self.dimension += 1;
         match self.kind {
-            SamplerKind::Random => unit((self.next() >> 40) as u32),
-            SamplerKind::Halton => self.next_halton(),
+            SamplerKind::Random => unit((bits(self.key, dimension) >> 40) as u32),
+            SamplerKind::Halton => halton(self.key, self.index, dimension),
         }
     }
 
     /// The next two dimensions, uniform on [0, 1)².
     #[inline]
     pub fn next_2d(&mut self) -> Vec2 {
-        match self.kind {
-            SamplerKind::Random => {
-                let bits = self.next();
-                Vec2::new(unit((bits >> 40) as u32), unit((bits >> 16) as u32 & 0xff_ffff))
-            }
-            SamplerKind::Halton => Vec2::new(self.next_halton(), self.next_halton()),
-        }
-    }
-
-    #[inline]
-    fn next(&mut self) -> u64 {
-        self.state = self.state.wrapping_add(GAMMA);
-        mix(self.state)
-    }
-
-    #[cold]
-    fn next_halton(&mut self) -> f32 {
         let dimension = self.dimension;
-        self.dimension += 1;
-        let key = mix(self.state.wrapping_add(GAMMA.wrapping_mul(u64::from(dimension) + 1)));
-        match halton::PRIMES.get(dimension as usize) {
-            Some(&base) => halton::scrambled_radical_inverse(self.index, base, key),
-            // So deep in a path, points of so few samples are as good as random.
-            None => unit((mix(key ^ u64::from(self.index)) >> 40) as u32),
+        self.dimension += 2;
+        match self.kind {
+            SamplerKind::Random => pair(bits(self.key, dimension)),
+            SamplerKind::Halton => Vec2::new(
+                halton(self.key, self.index, dimension),
+                halton(self.key, self.index, dimension + 1),
+            ),
         }
+    }
+}
+
+/// The numbers of sixteen samples, drawn together.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Streams {
+    key: [u64; LANES],
+    index: [u32; LANES],
+}
+
+impl Streams {
+    pub(crate) const ZERO: Self = Self { key: [0; LANES], index: [0; LANES] };
+
+    #[inline(always)]
+    pub(crate) fn set(&mut self, lane: usize, stream: &SampleStream) {
+        self.key[lane] = stream.key;
+        self.index[lane] = stream.index;
+    }
+
+    #[inline(always)]
+    pub(crate) fn copy(&mut self, lane: usize, other: &Self, from: usize) {
+        self.key[lane] = other.key[from];
+        self.index[lane] = other.index[from];
+    }
+
+    /// A dimension of each sample.
+    #[inline(always)]
+    pub(crate) fn draw_1d(&self, kind: SamplerKind, dimension: u32) -> [f32; LANES] {
+        let mut values = [0.0; LANES];
+        match kind {
+            SamplerKind::Random => {
+                for i in 0..LANES {
+                    values[i] = unit((bits(self.key[i], dimension) >> 40) as u32);
+                }
+            }
+            SamplerKind::Halton => {
+                for i in 0..LANES {
+                    values[i] = halton(self.key[i], self.index[i], dimension);
+                }
+            }
+        }
+        values
+    }
+
+    /// A dimension of each sample and the next one.
+    #[inline(always)]
+    pub(crate) fn draw_2d(&self, kind: SamplerKind, dimension: u32) -> [[f32; LANES]; 2] {
+        match kind {
+            SamplerKind::Random => {
+                let [mut x, mut y] = [[0.0; LANES]; 2];
+                for i in 0..LANES {
+                    let u = pair(bits(self.key[i], dimension));
+                    x[i] = u.x;
+                    y[i] = u.y;
+                }
+                [x, y]
+            }
+            SamplerKind::Halton => {
+                [self.draw_1d(kind, dimension), self.draw_1d(kind, dimension + 1)]
+            }
+        }
+    }
+}
+
+/// 64 random bits for one dimension: SplitMix64 (Steele, Lea, Flood 2014) with
+/// direct access to its sequence.
+#[inline(always)]
+fn bits(key: u64, dimension: u32) -> u64 {
+    mix(key.wrapping_add(GAMMA.wrapping_mul(u64::from(dimension) + 1)))
+}
+
+/// Two numbers out of 64 bits.
+#[inline(always)]
+fn pair(bits: u64) -> Vec2 {
+    Vec2::new(unit((bits >> 40) as u32), unit((bits >> 16) as u32 & 0xff_ffff))
+}
+
+#[cold]
+fn halton(key: u64, index: u32, dimension: u32) -> f32 {
+    let key = bits(key, dimension);
+    match halton::PRIMES.get(dimension as usize) {
+        Some(&base) => halton::scrambled_radical_inverse(index, base, key),
+        // So deep in a path, points of so few samples are as good as random.
+        None => unit((mix(key ^ u64::from(index)) >> 40) as u32),
     }
 }
 
 /// 2⁶⁴ divided by the golden ratio, made odd.
 const GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
 
+#[inline(always)]
 fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -113,6 +190,7 @@ fn mix(mut z: u64) -> u64 {
 }
 
 /// Maps 24 bits to [0, 1), exactly.
+#[inline(always)]
 fn unit(bits: u32) -> f32 {
     bits as f32 * (1.0 / 16_777_216.0)
 }

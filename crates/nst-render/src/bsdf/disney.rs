@@ -23,9 +23,10 @@ use std::f32::consts::FRAC_1_PI;
 use glam::{Vec2, Vec3A};
 
 use super::{
-    BsdfSample, Side, cosine_hemisphere,
+    BsdfSample, Side,
     dielectric::fresnel,
     energy::{EnergyScale, directional_albedo},
+    lambert::cosine_hemisphere,
     microfacet::{Ggx, Gtr1, reflect, smith_g1},
 };
 use crate::material::Disney;
@@ -260,7 +261,7 @@ impl DisneyBsdf<'_> {
     pub(super) fn sample_lobe(&self, lobe: Lobe, wo: Vec3A, u2: Vec2) -> Option<BsdfSample> {
         let above = wo.with_z_towards(Vec3A::Z);
         let wi = match lobe {
-            Lobe::Diffuse => cosine_hemisphere(u2),
+            Lobe::Diffuse => cosine_hemisphere(u2).into(),
             Lobe::Specular => reflect(above, self.prepared.ggx.sample_visible(above, u2)),
             Lobe::Clearcoat => reflect(above, self.prepared.gtr1.sample(u2)),
         };

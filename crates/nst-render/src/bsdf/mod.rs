@@ -15,6 +15,7 @@ mod dielectric;
 mod disney;
 mod energy;
 mod frame;
+pub(crate) mod lambert;
 mod microfacet;
 
 #[cfg(test)]
@@ -23,8 +24,6 @@ mod chi2;
 mod reference;
 #[cfg(test)]
 mod tests;
-
-use std::f32::consts::{FRAC_1_PI, TAU};
 
 use glam::{Vec2, Vec3A};
 
@@ -113,12 +112,12 @@ impl Bsdf<'_> {
     #[inline]
     pub(crate) fn eval_pdf(&self, wo: Vec3A, wi: Vec3A) -> (Vec3A, f32) {
         match self {
-            Self::Lambert { reflectance } if wo.z * wi.z > 0.0 => {
-                let pdf = wi.z.abs() * FRAC_1_PI;
+            Self::Lambert { reflectance } => {
+                let pdf = lambert::density(wo.z, wi.z);
                 (*reflectance * pdf, pdf)
             }
             Self::Disney(disney) => disney.eval_pdf(wo, wi),
-            Self::Lambert { .. } | Self::Dielectric(_) => (Vec3A::ZERO, 0.0),
+            Self::Dielectric(_) => (Vec3A::ZERO, 0.0),
         }
     }
 
@@ -128,8 +127,8 @@ impl Bsdf<'_> {
     pub(crate) fn sample(&self, wo: Vec3A, u: f32, u2: Vec2) -> Option<BsdfSample> {
         match self {
             Self::Lambert { reflectance } => {
-                let wi = cosine_hemisphere(u2).with_z_towards(wo);
-                let pdf = wi.z.abs() * FRAC_1_PI;
+                let wi = Vec3A::from(lambert::sample(wo.z, u2));
+                let pdf = lambert::density(wo.z, wi.z);
                 (pdf > 0.0).then_some(BsdfSample { wi, weight: *reflectance, pdf, delta: false })
             }
             Self::Disney(disney) => disney.sample(wo, u, u2),
@@ -142,14 +141,6 @@ impl Bsdf<'_> {
     pub(crate) fn is_delta(&self) -> bool {
         matches!(self, Self::Dielectric(_))
     }
-}
-
-/// A direction above the surface, with density cos θ / π with respect to solid angle.
-#[inline]
-fn cosine_hemisphere(u2: Vec2) -> Vec3A {
-    let (sin_phi, cos_phi) = (TAU * u2.x).sin_cos();
-    let radius = u2.y.sqrt();
-    Vec3A::new(radius * cos_phi, radius * sin_phi, (1.0 - u2.y).max(0.0).sqrt())
 }
 
 /// Mirrors directions in the surface.

@@ -1,47 +1,44 @@
-//! Traversal of an eight-wide compressed BVH (Ylitie, Karras, Laine 2017),
-//! compiled twice: for any processor, and for those with AVX2.
-//!
-//! The two give the same bits: both round after every multiplication.
+//! Traversal of an eight-wide compressed BVH (Ylitie, Karras, Laine 2017).
 
 use glam::{Vec2, Vec3A};
-use obvhs::{
-    cwbvh::{CwBvh, node::CwBvhNode},
-    ray::Ray,
-};
+use obvhs::cwbvh::{CwBvh, node::CwBvhNode};
 use smallvec::SmallVec;
 
-/// Which instructions the processor has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Instructions {
-    Portable,
-    #[cfg(target_arch = "x86_64")]
-    Avx2,
+use super::{Hits, Rays};
+use crate::lanes::LANES;
+
+/// A ray from 0 to `tmax`, in units of its direction.
+#[derive(Clone, Copy)]
+struct Ray {
+    origin: Vec3A,
+    direction: Vec3A,
+    inverse: Vec3A,
+    tmax: f32,
 }
 
-impl Instructions {
-    pub(crate) fn detect() -> Self {
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2")
-            && is_x86_feature_detected!("bmi1")
-            && is_x86_feature_detected!("bmi2")
-            && is_x86_feature_detected!("lzcnt")
-            && is_x86_feature_detected!("popcnt")
-        {
-            return Self::Avx2;
+impl Ray {
+    #[inline(always)]
+    fn new(rays: &Rays, lane: usize) -> Self {
+        let direction = Vec3A::from(rays.direction.get(lane));
+        // Where a component is 0, a large inverse of its sign does, and makes no NaN.
+        let least = Vec3A::splat(1e-18);
+        let divisor =
+            Vec3A::select(direction.abs().cmplt(least), least.copysign(direction), direction);
+        Self {
+            origin: rays.origin.get(lane).into(),
+            direction,
+            inverse: divisor.recip(),
+            tmax: rays.tmax[lane],
         }
-        Self::Portable
     }
 }
 
 /// An intersection.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Hit {
-    /// Distance along the ray, in units of its direction.
-    pub(crate) t: f32,
-    /// Index into the triangles that the tree was built from.
-    pub(crate) triangle: u32,
-    /// The barycentric weights of the second and third corner.
-    pub(crate) barycentric: Vec2,
+#[derive(Clone, Copy)]
+struct Hit {
+    t: f32,
+    triangle: u32,
+    barycentric: Vec2,
 }
 
 /// The nodes of a tree, and the triangles of their leaves.
@@ -49,12 +46,11 @@ pub(crate) struct Tree {
     nodes: Vec<CwBvhNode>,
     /// The triangles of one node take up to three blocks of their own.
     blocks: Vec<Block>,
-    pub(crate) instructions: Instructions,
 }
 
 impl Tree {
     /// Takes obvhs' tree and the corners of the triangles it was built from.
-    pub(crate) fn new(bvh: CwBvh, corners: &[[Vec3A; 3]]) -> Self {
+    pub(super) fn new(bvh: CwBvh, corners: &[[Vec3A; 3]]) -> Self {
         let mut nodes = bvh.nodes;
         let mut blocks = Vec::new();
         for node in &mut nodes {
@@ -70,28 +66,71 @@ impl Tree {
             node.primitive_base_idx = blocks.len() as u32;
             blocks.extend(indices.chunks(WIDTH).map(|chunk| Block::new(chunk, corners)));
         }
-        Self { nodes, blocks, instructions: Instructions::detect() }
+        Self { nodes, blocks }
     }
 
-    /// The nearest hit in the ray's interval.
-    pub(crate) fn nearest(&self, ray: &Ray) -> Option<Hit> {
-        match self.instructions {
-            Instructions::Portable => traverse::<false>(self, ray),
-            #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)]
-            // SAFETY: `Instructions::detect` found the features.
-            Instructions::Avx2 => unsafe { nearest_avx2(self, ray) },
+    #[inline(always)]
+    pub(super) fn nearest(&self, rays: &Rays, hits: &mut Hits) {
+        *hits = Hits::MISSED;
+        for i in (0..LANES).filter(|&i| rays.tmax[i] >= 0.0) {
+            if let Some(hit) = self.traverse::<false>(Ray::new(rays, i)) {
+                hits.t[i] = hit.t;
+                hits.triangle[i] = hit.triangle;
+                hits.u[i] = hit.barycentric.x;
+                hits.v[i] = hit.barycentric.y;
+            }
         }
     }
 
-    /// Whether there is any triangle in the ray's interval.
-    pub(crate) fn any(&self, ray: &Ray) -> bool {
-        match self.instructions {
-            Instructions::Portable => traverse::<true>(self, ray).is_some(),
-            #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)]
-            // SAFETY: `Instructions::detect` found the features.
-            Instructions::Avx2 => unsafe { any_avx2(self, ray) },
+    #[inline(always)]
+    pub(super) fn hides(&self, rays: &Rays) -> [bool; LANES] {
+        let mut hidden = [false; LANES];
+        for i in (0..LANES).filter(|&i| rays.tmax[i] >= 0.0) {
+            hidden[i] = self.traverse::<true>(Ray::new(rays, i)).is_some();
+        }
+        hidden
+    }
+
+    /// The nearest hit, or with `ANY` the first that turns up.
+    #[inline(always)]
+    fn traverse<const ANY: bool>(&self, mut ray: Ray) -> Option<Hit> {
+        let slabs = Slabs::new(&ray);
+        let mut found = None;
+        let mut stack: SmallVec<[Group; 24]> = SmallVec::new();
+        let mut group = Group { base: 0, bits: 1 << 31 };
+        loop {
+            let child = 31 - group.bits.leading_zeros();
+            let inner = group.bits;
+            group.bits &= !(1 << child);
+            if group.bits & HITS != 0 {
+                stack.push(group);
+            }
+            let slot = (child - 24) ^ (slabs.octant & 0xff);
+            let before = (inner & !(u32::MAX << slot) & 0xff).count_ones();
+            let node = &self.nodes[(group.base + before) as usize];
+            let hits = slabs.hits(node, ray.tmax);
+
+            let mut triangles = hits & !HITS;
+            let mut block = node.primitive_base_idx as usize;
+            while triangles != 0 {
+                if let Some(hit) = self.blocks[block].intersect(&ray, triangles & 0xff) {
+                    if ANY {
+                        return Some(hit);
+                    }
+                    ray.tmax = hit.t;
+                    found = Some(hit);
+                }
+                triangles >>= WIDTH;
+                block += 1;
+            }
+
+            group = Group { base: node.child_base_idx, bits: hits & HITS | u32::from(node.imask) };
+            if group.bits & HITS == 0 {
+                match stack.pop() {
+                    Some(next) => group = next,
+                    None => return found,
+                }
+            }
         }
     }
 }
@@ -155,7 +194,7 @@ impl Block {
         for i in 0..WIDTH {
             // All false for a NaN, of a ray in the plane of the triangle.
             let inside = (u[i] >= 0.0) & (v[i] >= 0.0) & (u[i] + v[i] <= 1.0);
-            let within = (t[i] >= ray.tmin) & (t[i] < ray.tmax);
+            let within = (t[i] >= 0.0) & (t[i] < ray.tmax);
             hits |= u32::from(inside & within) << i;
         }
         hits &= wanted;
@@ -172,18 +211,6 @@ impl Block {
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-fn nearest_avx2(tree: &Tree, ray: &Ray) -> Option<Hit> {
-    traverse::<false>(tree, ray)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-fn any_avx2(tree: &Tree, ray: &Ray) -> bool {
-    traverse::<true>(tree, ray).is_some()
-}
-
 /// Children of one node that are still to be visited: in the upper byte those
 /// that were hit, in the order of the ray's octant; in the lower byte which
 /// children are inner nodes, to find their index.
@@ -195,56 +222,11 @@ struct Group {
 
 const HITS: u32 = 0xff00_0000;
 
-/// The nearest hit, or with `ANY` the first that turns up.
-#[inline(always)]
-fn traverse<const ANY: bool>(tree: &Tree, ray: &Ray) -> Option<Hit> {
-    let slabs = Slabs::new(ray);
-    let mut ray = *ray;
-    let mut found = None;
-    let mut stack: SmallVec<[Group; 24]> = SmallVec::new();
-    let mut group = Group { base: 0, bits: 1 << 31 };
-    loop {
-        let child = 31 - group.bits.leading_zeros();
-        let inner = group.bits;
-        group.bits &= !(1 << child);
-        if group.bits & HITS != 0 {
-            stack.push(group);
-        }
-        let slot = (child - 24) ^ (slabs.octant & 0xff);
-        let before = (inner & !(u32::MAX << slot) & 0xff).count_ones();
-        let node = &tree.nodes[(group.base + before) as usize];
-        let hits = slabs.hits(node, ray.tmax);
-
-        let mut triangles = hits & !HITS;
-        let mut block = node.primitive_base_idx as usize;
-        while triangles != 0 {
-            if let Some(hit) = tree.blocks[block].intersect(&ray, triangles & 0xff) {
-                if ANY {
-                    return Some(hit);
-                }
-                ray.tmax = hit.t;
-                found = Some(hit);
-            }
-            triangles >>= WIDTH;
-            block += 1;
-        }
-
-        group = Group { base: node.child_base_idx, bits: hits & HITS | u32::from(node.imask) };
-        if group.bits & HITS == 0 {
-            match stack.pop() {
-                Some(next) => group = next,
-                None => return found,
-            }
-        }
-    }
-}
-
 /// What the test of a node needs of a ray.
 struct Slabs {
     origin: Vec3A,
     inverse: Vec3A,
     negative: [bool; 3],
-    tmin: f32,
     /// The child order of the ray's octant, in each byte.
     octant: u32,
 }
@@ -259,9 +241,8 @@ impl Slabs {
         let bit = |axis: usize, bit: u32| if negative[axis] { 0 } else { bit * 0x0101_0101 };
         Self {
             origin: ray.origin,
-            inverse: ray.inv_direction,
+            inverse: ray.inverse,
             negative,
-            tmin: ray.tmin,
             octant: bit(0, 4) | bit(1, 2) | bit(2, 1),
         }
     }
@@ -272,7 +253,7 @@ impl Slabs {
     fn hits(&self, node: &CwBvhNode, tmax: f32) -> u32 {
         let scale = node.compute_extent() * self.inverse;
         let origin = (Vec3A::from(node.p) - self.origin) * self.inverse;
-        let mut near = [self.tmin; WIDTH];
+        let mut near = [0.0; WIDTH];
         let mut far = [tmax; WIDTH];
         let planes = [
             (&node.child_min_x, &node.child_max_x),

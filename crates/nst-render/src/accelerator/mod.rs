@@ -1,0 +1,223 @@
+//! Ray queries against the triangles of a scene: through a tree, or without one
+//! where there are few.
+
+mod list;
+mod tree;
+
+use std::time::Duration;
+
+use glam::{Vec3, Vec3A};
+use obvhs::{BvhBuildParams, cwbvh::builder::build_cwbvh_from_tris};
+
+use crate::{
+    Triangle,
+    lanes::{LANES, Vec3s},
+};
+use {list::List, tree::Tree};
+
+/// Sixteen rays from 0 to `tmax`, in units of their directions; a negative
+/// `tmax` stands for no ray.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rays {
+    pub(crate) origin: Vec3s,
+    pub(crate) direction: Vec3s,
+    pub(crate) tmax: [f32; LANES],
+}
+
+impl Rays {
+    pub(crate) const NONE: Self =
+        Self { origin: Vec3s::ZERO, direction: Vec3s::ZERO, tmax: [-1.0; LANES] };
+}
+
+/// What sixteen rays hit first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(64))]
+pub(crate) struct Hits {
+    /// Distance along the ray, in units of its direction.
+    pub(crate) t: [f32; LANES],
+    /// The barycentric weights of the second and third corner.
+    pub(crate) u: [f32; LANES],
+    pub(crate) v: [f32; LANES],
+    /// Index into the scene's triangles, or [`NONE`].
+    pub(crate) triangle: [u32; LANES],
+}
+
+/// The triangle of a ray that hits none.
+pub(crate) const NONE: u32 = u32::MAX;
+
+impl Hits {
+    pub(crate) const MISSED: Self =
+        Self { t: [0.0; LANES], u: [0.0; LANES], v: [0.0; LANES], triangle: [NONE; LANES] };
+}
+
+/// Finds what rays hit.
+pub(crate) enum Accelerator {
+    List(List),
+    Tree(Tree),
+}
+
+/// Up to so many triangles, the tree is built as well as obvhs can, in a fifth of a second at most.
+const THOROUGH_BUILD: usize = 1 << 15;
+
+impl Accelerator {
+    pub(crate) fn new(triangles: &[Triangle]) -> Self {
+        let corners: Vec<_> = triangles.iter().map(|triangle| triangle.positions).collect();
+        if corners.len() <= list::MAX_LENGTH {
+            Self::List(List::new(&corners))
+        } else {
+            Self::Tree(build_tree(&corners))
+        }
+    }
+
+    /// The nearest hits in the rays' intervals.
+    #[inline(always)]
+    pub(crate) fn nearest(&self, rays: &Rays, hits: &mut Hits) {
+        match self {
+            Self::List(list) => list.nearest(rays, hits),
+            Self::Tree(tree) => tree.nearest(rays, hits),
+        }
+    }
+
+    /// Whether there is any triangle in the rays' intervals.
+    #[inline(always)]
+    pub(crate) fn hides(&self, rays: &Rays) -> [bool; LANES] {
+        match self {
+            Self::List(list) => list.hides(rays),
+            Self::Tree(tree) => tree.hides(rays),
+        }
+    }
+}
+
+fn build_tree(corners: &[[Vec3A; 3]]) -> Tree {
+    let bounded: Vec<_> =
+        corners.iter().map(|&[v0, v1, v2]| obvhs::triangle::Triangle { v0, v1, v2 }).collect();
+    // Paths cost far more than a thorough build, unless there are many triangles.
+    let params = if corners.len() <= THOROUGH_BUILD {
+        BvhBuildParams::very_slow_build()
+    } else {
+        BvhBuildParams::medium_build()
+    };
+    let mut build_time = Duration::ZERO;
+    Tree::new(build_cwbvh_from_tris(&bounded, params, &mut build_time), corners)
+}
+
+/// Moves a point off its surface, far enough that f32 rounding cannot put a new
+/// ray's origin on the other side: eight units in the last place of the largest
+/// coordinate (of the point, or of the scene where the point is near the origin).
+#[inline(always)]
+pub(crate) fn offset(point: Vec3, normal: Vec3, scale: f32) -> Vec3 {
+    let largest = max(max(point.x.abs(), point.y.abs()), max(point.z.abs(), scale));
+    point + normal * (8.0 * f32::EPSILON * largest)
+}
+
+/// Unlike `f32::max`, one instruction.
+#[inline(always)]
+pub(crate) fn max(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::{prelude::*, test_runner::RngSeed};
+
+    use super::*;
+    use crate::instructions::{Instructions, Kernel};
+
+    /// The oracle: every triangle, Möller and Trumbore (1997) in f64.
+    fn nearest(triangles: &[Triangle], origin: Vec3A, direction: Vec3A) -> Option<f64> {
+        let o = origin.as_dvec3();
+        let d = direction.as_dvec3();
+        triangles
+            .iter()
+            .filter_map(|triangle| {
+                let [a, b, c] = triangle.positions.map(|p| p.as_dvec3());
+                let (e1, e2) = (b - a, c - a);
+                let p = d.cross(e2);
+                let det = e1.dot(p);
+                let s = o - a;
+                let u = s.dot(p) / det;
+                let q = s.cross(e1);
+                let v = d.dot(q) / det;
+                let t = e2.dot(q) / det;
+                (det != 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some(t)
+            })
+            .min_by(f64::total_cmp)
+    }
+
+    #[derive(Clone, Copy)]
+    struct Query<'a> {
+        accelerator: &'a Accelerator,
+        rays: &'a Rays,
+    }
+
+    impl Kernel for Query<'_> {
+        type Output = (Hits, [bool; LANES]);
+
+        #[inline(always)]
+        fn run(self) -> Self::Output {
+            let mut hits = Hits::MISSED;
+            self.accelerator.nearest(self.rays, &mut hits);
+            (hits, self.accelerator.hides(self.rays))
+        }
+    }
+
+    fn vector() -> impl Strategy<Value = Vec3A> {
+        prop::array::uniform3(-1.0_f32..1.0).prop_map(Vec3A::from)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            rng_seed: RngSeed::Fixed(1),
+            ..ProptestConfig::default()
+        })]
+
+        /// A ray may slip past an edge by rounding, so hits are compared where
+        /// the oracle agrees with itself for rays shifted by 1e-4.
+        #[test]
+        fn nearest_hit_equals_brute_force(
+            corners in prop::collection::vec(prop::array::uniform3(vector()), 1..40),
+            origin in vector(),
+            towards in vector(),
+        ) {
+            let triangles: Vec<_> = corners
+                .into_iter()
+                .map(|positions| Triangle { positions, normals: None, uvs: None, material: 0 })
+                .collect();
+            prop_assume!(origin.distance(towards) > 1e-2);
+            let direction = (towards - origin).normalize();
+            let expected = nearest(&triangles, origin, direction);
+            for shift in [Vec3A::X, Vec3A::Y, Vec3A::Z, Vec3A::NEG_X, Vec3A::NEG_Y, Vec3A::NEG_Z] {
+                let shifted = nearest(&triangles, origin + 1e-4 * shift, direction);
+                prop_assume!(match (expected, shifted) {
+                    (Some(a), Some(b)) => (a - b).abs() < 1e-2,
+                    (a, b) => a.is_none() && b.is_none(),
+                });
+            }
+            let corners: Vec<_> = triangles.iter().map(|triangle| triangle.positions).collect();
+            let mut rays = Rays::NONE;
+            let lane = triangles.len() % LANES;
+            rays.origin.set(lane, origin.into());
+            rays.direction.set(lane, direction.into());
+            rays.tmax[lane] = f32::INFINITY;
+            for accelerator in
+                [Accelerator::List(List::new(&corners)), Accelerator::Tree(build_tree(&corners))]
+            {
+                let query = Query { accelerator: &accelerator, rays: &rays };
+                let (hits, hidden) = Instructions::Portable.run(query);
+                for instructions in Instructions::available() {
+                    prop_assert_eq!(instructions.run(query), (hits, hidden), "{:?}", instructions);
+                }
+                prop_assert_eq!(hits.triangle[lane] != NONE, expected.is_some());
+                prop_assert_eq!(hidden[lane], expected.is_some());
+                if let Some(expected) = expected {
+                    let t = hits.t[lane];
+                    prop_assert!((f64::from(t) - expected).abs() < 1e-3, "{} {}", t, expected);
+                    let [a, b, c] = triangles[hits.triangle[lane] as usize].positions;
+                    let (u, v) = (hits.u[lane], hits.v[lane]);
+                    let point = a * (1.0 - u - v) + b * u + c * v;
+                    prop_assert!(point.distance(origin + direction * t) < 1e-3);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! One step of sixteen paths: light that is scattered towards them, and where
+//! they go on.
+
+use glam::{Vec2, Vec3, Vec3A};
+
+use super::{
+    MAX_SURVIVAL, PathTracer,
+    wave::{Paths, Points},
+};
+use crate::{
+    SamplerKind, Scattering,
+    accelerator::{NONE, max, offset},
+    bsdf::{Frame, lambert},
+    lanes::{LANES, Vec3s},
+    light::LightSamples,
+};
+
+/// The random numbers of one vertex of sixteen paths.
+pub(super) struct Draws {
+    light: [f32; LANES],
+    on_light: [[f32; LANES]; 2],
+    lobe: [f32; LANES],
+    direction: [[f32; LANES]; 2],
+    /// Where there is Russian roulette.
+    survival: Option<[f32; LANES]>,
+}
+
+impl Draws {
+    /// How many dimensions there are.
+    pub(super) fn dimensions(roulette: bool) -> u32 {
+        6 + u32::from(roulette)
+    }
+
+    #[inline(always)]
+    pub(super) fn new(points: &Points, kind: SamplerKind, first: u32, roulette: bool) -> Self {
+        let streams = &points.streams;
+        Self {
+            light: streams.draw_1d(kind, first),
+            on_light: streams.draw_2d(kind, first + 1),
+            lobe: streams.draw_1d(kind, first + 3),
+            direction: streams.draw_2d(kind, first + 4),
+            survival: roulette.then(|| streams.draw_1d(kind, first + 6)),
+        }
+    }
+
+    #[inline(always)]
+    fn direction(&self, lane: usize) -> Vec2 {
+        Vec2::new(self.direction[0][lane], self.direction[1][lane])
+    }
+}
+
+/// Light on its way along `lights.rays` to a vertex, and from there to the camera.
+pub(super) struct Direct {
+    pub(super) lights: LightSamples,
+    pub(super) contribution: Vec3s,
+}
+
+impl PathTracer<'_> {
+    /// Samples the lights for each point; paths without a light have a ray with
+    /// negative `tmax`.
+    #[inline(always)]
+    pub(super) fn lights(&self, points: &Points, draws: &Draws) -> Direct {
+        let mut origins = Vec3s::ZERO;
+        for i in 0..LANES {
+            let normal = points.normal.get(i);
+            origins.set(i, self.origin(points, i, points.wo.get(i).dot(normal)));
+        }
+        let mut lights = LightSamples::NONE;
+        self.lights.sample(self.scene, &origins, &draws.light, &draws.on_light, &mut lights);
+        for i in 0..LANES {
+            let (normal, wo) = (points.normal.get(i), points.wo.get(i));
+            // Nothing but a delta distribution lets light through.
+            let same_side = lights.wi.get(i).dot(normal) * wo.dot(normal) > 0.0;
+            let lit = same_side & (lights.pdf[i] > 0.0) & (points.path[i] != NONE);
+            lights.rays.tmax[i] = if lit { lights.rays.tmax[i] } else { -1.0 };
+        }
+        Direct { lights, contribution: Vec3s::ZERO }
+    }
+
+    /// Points of Lambert's surfaces.
+    #[inline(always)]
+    pub(super) fn reflect(
+        &self,
+        points: &Points,
+        draws: &Draws,
+        direct: &mut Direct,
+        next: &mut Paths,
+    ) {
+        let lights = &mut direct.lights;
+        for i in 0..LANES {
+            let shading = points.shading.get(i);
+            let cos_o = points.wo.get(i).dot(shading);
+            let pdf_light = lights.pdf[i];
+            let pdf = lambert::density(cos_o, lights.wi.get(i).dot(shading));
+            let weight = pdf * self.weight_light(pdf_light, pdf) / pdf_light;
+            let reflected = points.throughput.get(i) * points.color.get(i);
+            direct.contribution.set(i, reflected * lights.radiance.get(i) * weight);
+            lights.rays.tmax[i] = if pdf > 0.0 { lights.rays.tmax[i] } else { -1.0 };
+        }
+        for i in 0..LANES {
+            let (normal, shading) = (points.normal.get(i), points.shading.get(i));
+            let wo = points.wo.get(i);
+            let cos_o = wo.dot(shading);
+            let local = lambert::sample(cos_o, draws.direction(i));
+            let (tangent, bitangent) = shading.any_orthonormal_pair();
+            let wi = tangent * local.x + bitangent * local.y + shading * local.z;
+            let pdf = lambert::density(cos_o, local.z);
+            // Interpolated normals can send a direction to the wrong side.
+            let side = wi.dot(normal);
+            let alive = (side * wo.dot(normal) >= 0.0) & (pdf > 0.0) & (points.path[i] != NONE);
+            next.rays.origin.set(i, self.origin(points, i, side));
+            next.rays.direction.set(i, wi);
+            next.rays.tmax[i] = if alive { f32::INFINITY } else { -1.0 };
+            next.pdf[i] = pdf;
+            next.throughput.set(i, points.throughput.get(i) * points.color.get(i));
+        }
+    }
+
+    /// Points of any surfaces, one by one.
+    #[inline(always)]
+    pub(super) fn scatter(
+        &self,
+        points: &Points,
+        draws: &Draws,
+        direct: &mut Direct,
+        next: &mut Paths,
+    ) {
+        let lights = &mut direct.lights;
+        for i in (0..LANES).filter(|&i| points.path[i] != NONE) {
+            let triangle = &self.scene.triangles[points.triangle[i] as usize];
+            let material = triangle.material as usize;
+            let (normal, shading) = (Vec3A::from(points.normal.get(i)), points.shading.get(i));
+            let frame = match self.scene.materials[material].scattering {
+                Scattering::Disney(disney) if disney.anisotropic > 0.0 => {
+                    Frame::with_tangent(shading.into(), triangle.tangent())
+                }
+                _ => Frame::new(shading.into()),
+            };
+            let bsdf = self.scattering[material].at(points.color.get(i).into());
+            let wo_world = Vec3A::from(points.wo.get(i));
+            let wo = frame.to_local(wo_world);
+            let throughput = Vec3A::from(points.throughput.get(i));
+
+            if bsdf.is_delta() {
+                lights.rays.tmax[i] = -1.0;
+            } else if lights.rays.tmax[i] >= 0.0 {
+                let wi = frame.to_local(lights.wi.get(i).into());
+                let (scattered, pdf) = bsdf.eval_pdf(wo, wi);
+                if scattered == Vec3A::ZERO {
+                    lights.rays.tmax[i] = -1.0;
+                }
+                let weight = self.weight_light(lights.pdf[i], pdf) / lights.pdf[i];
+                let radiance = Vec3A::from(lights.radiance.get(i));
+                direct.contribution.set(i, (throughput * scattered * radiance * weight).into());
+            }
+
+            let Some(sample) = bsdf.sample(wo, draws.lobe[i], draws.direction(i)) else { continue };
+            let wi = frame.to_world(sample.wi);
+            // Interpolated normals can send a direction to the wrong side.
+            let side = wi.dot(normal);
+            let passes = wo_world.dot(normal) * side < 0.0;
+            if passes != (wo.z * sample.wi.z < 0.0) {
+                continue;
+            }
+            next.rays.origin.set(i, self.origin(points, i, side));
+            next.rays.direction.set(i, wi.into());
+            next.rays.tmax[i] = f32::INFINITY;
+            next.pdf[i] = if sample.delta { f32::INFINITY } else { sample.pdf };
+            next.throughput.set(i, (throughput * sample.weight).into());
+        }
+    }
+
+    /// Ends paths that carry nothing, and some of the others by Russian roulette.
+    #[inline(always)]
+    pub(super) fn survive(&self, draws: &Draws, next: &mut Paths) {
+        for i in 0..LANES {
+            let throughput = next.throughput.get(i);
+            let largest = max(throughput.x, max(throughput.y, throughput.z));
+            next.rays.tmax[i] = if largest > 0.0 { next.rays.tmax[i] } else { -1.0 };
+        }
+        let Some(draw) = &draws.survival else { return };
+        for i in 0..LANES {
+            let throughput = next.throughput.get(i);
+            let largest = max(throughput.x, max(throughput.y, throughput.z));
+            let survival = if largest < MAX_SURVIVAL { largest } else { MAX_SURVIVAL };
+            next.rays.tmax[i] = if draw[i] < survival { next.rays.tmax[i] } else { -1.0 };
+            next.throughput.set(i, throughput * (1.0 / survival));
+        }
+    }
+
+    /// Where a ray leaves the surface to the side of the normal that `side` tells.
+    #[inline(always)]
+    fn origin(&self, points: &Points, lane: usize, side: f32) -> Vec3 {
+        let normal = points.normal.get(lane) * 1.0_f32.copysign(side);
+        offset(points.position.get(lane), normal, self.scale)
+    }
+}
