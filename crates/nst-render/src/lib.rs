@@ -15,7 +15,9 @@ pub mod dataset;
 mod environment;
 mod error;
 mod exr_file;
+mod exr_rows;
 pub mod film;
+mod kept;
 mod light;
 mod load;
 mod material;
@@ -25,13 +27,18 @@ mod render;
 mod sampler;
 mod scene;
 pub mod sequence_file;
+mod sums;
 mod texture;
+mod tiles;
 mod traversal;
 
 pub use camera::{Camera, PixelFilter};
 pub use error::Error;
 pub use material::{Disney, Material, Scattering};
-pub use render::{FOLDS, Keep, RenderSettings, Rendering, VARIANCE, fold_name, render};
+pub use render::{
+    Control, Keep, RenderSettings, Rendering, VARIANCE, fold_name, render, render_from,
+};
 pub use sampler::{SampleStream, Sampler, SamplerKind};
 pub use scene::{Environment, Scene, Triangle};
+pub use sums::{FOLDS, Sums};
 pub use texture::Texture;
