@@ -58,7 +58,7 @@ impl SequenceReader {
         let seeds = header.numbers("nst.seed")?;
         let (scene, sampler) = (header.text("nst.scene")?, header.text("nst.sampler")?);
         let render_seconds = match rows.attribute("renderTimeSeconds") {
-            Some(Attribute::F32(seconds)) => seconds,
+            Some(Attribute::F32(seconds)) if seconds.is_finite() && seconds > 0.0 => seconds,
             _ => 0.0,
         };
         let resume = header.resume()?;
