@@ -52,6 +52,7 @@ fn picture(args: &RenderArgs) -> Result<(), Error> {
     let sequence_path = args.sequence.as_deref().or(args.resume.as_deref());
     let mut sequence = sequence_path.map(OutputFile::create).transpose()?;
 
+    interrupt::watch()?;
     let start = timed(&mut watch.io, || resumed.map(resume::Resumed::read).transpose())?;
     let silent = args.common.quiet || args.common.json;
     if !silent {
@@ -59,7 +60,6 @@ fn picture(args: &RenderArgs) -> Result<(), Error> {
     }
     let (done, spent) = start.as_ref().map_or((0, 0.0), |start| (start.samples, start.seconds));
     let bar = progress_bar(paths(&scene, args.spp - done), silent);
-    interrupt::watch()?;
     let progress = |paths| bar.inc(paths);
     let control = Control { progress: &progress, stop: &interrupt::asked };
     let start = start.map(|start| start.rendering);
@@ -141,12 +141,12 @@ fn dataset(args: &RenderArgs, runs: u32) -> Result<(), Error> {
         first_seed: settings.seed,
     };
     let mut writer = DatasetWriter::new(OutputFile::create(&path)?, info)?;
+    interrupt::watch()?;
     let silent = args.common.quiet || args.common.json;
     if !silent {
         describe(&scene, args.spp, None);
     }
     let bar = progress_bar(paths(&scene, args.spp) * u64::from(runs), silent);
-    interrupt::watch()?;
     let progress = |paths| bar.inc(paths);
     let control = Control { progress: &progress, stop: &interrupt::asked };
     let mut done = 0;
