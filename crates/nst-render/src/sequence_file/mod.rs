@@ -37,7 +37,7 @@ pub struct SequenceInfo {
     pub scene: String,
     /// The sampler's name, or nothing.
     pub sampler: String,
-    /// The seeds of the samples: one, or several of a merged sequence.
+    /// The seeds of the samples: one, several of a merged sequence, or none if unknown.
     pub seeds: Vec<u64>,
     /// How long the rendering took.
     pub render_seconds: f32,

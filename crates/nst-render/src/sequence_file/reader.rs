@@ -55,7 +55,8 @@ impl SequenceReader {
                 "attribute 'nst.terms': sample counts must start at 1 or above and increase";
             return Err(Error::image(path, message));
         }
-        let seeds = header.numbers("nst.seed")?;
+        let unknown_seed = header.text("nst.seed")?.is_empty();
+        let seeds = if unknown_seed { Vec::new() } else { header.numbers("nst.seed")? };
         let (scene, sampler) = (header.text("nst.scene")?, header.text("nst.sampler")?);
         let render_seconds = match rows.attribute("renderTimeSeconds") {
             Some(Attribute::F32(seconds)) if seconds.is_finite() && seconds > 0.0 => seconds,
