@@ -146,6 +146,7 @@ fn outputs_that_cannot_be_written() {
     // A folder in which nobody can create files, not even root.
     #[cfg(target_os = "linux")]
     fails(&bench, &format!("{render} -o /proc/x.exr"), 1, &["/proc/x.exr", "write"]);
+    fails(&bench, &format!("{render} --sequence x.exr"), 2, &["x.exr", "both", "--output"]);
     // The sequence cannot be written, so the picture must not be replaced either.
     fails(&bench, &format!("{render} --sequence gone/s.exr"), 1, &["gone/s.exr"]);
     fails(&bench, &format!("{render} --weights gone.safetensors"), 1, &["gone.safetensors"]);
