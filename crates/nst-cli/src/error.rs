@@ -15,6 +15,11 @@ pub(crate) enum Error {
     Csv { path: PathBuf, source: csv::Error },
     #[error("--backend gpu: {0}; --backend cpu needs none")]
     Gpu(nst_core::Error),
+    #[error("cannot watch for Ctrl-C: {0}")]
+    CtrlC(#[from] ctrlc::Error),
+    /// Ctrl-C ended the job early; the exit code is that of a program so ended.
+    #[error("{0}")]
+    Interrupted(String),
     /// The command line is wrong; the exit code says so.
     #[error("{0}")]
     Usage(String),

@@ -15,8 +15,10 @@ pub mod dataset;
 mod environment;
 mod error;
 mod exr_file;
+mod exr_rows;
 pub mod film;
 mod instructions;
+mod kept;
 mod lanes;
 mod light;
 mod load;
@@ -27,12 +29,17 @@ mod render;
 mod sampler;
 mod scene;
 pub mod sequence_file;
+mod sums;
 mod texture;
+mod tiles;
 
 pub use camera::{Camera, PixelFilter};
 pub use error::Error;
 pub use material::{Disney, Material, Scattering};
-pub use render::{FOLDS, Keep, RenderSettings, Rendering, VARIANCE, fold_name, render};
+pub use render::{
+    Control, Keep, RenderSettings, Rendering, VARIANCE, fold_name, render, render_from,
+};
 pub use sampler::{SampleStream, Sampler, SamplerKind};
 pub use scene::{Environment, Scene, Triangle};
+pub use sums::{FOLDS, LaneSums};
 pub use texture::Texture;

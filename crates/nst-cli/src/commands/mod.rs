@@ -1,5 +1,6 @@
 pub(crate) mod bench;
 pub(crate) mod render;
+mod resume;
 pub(crate) mod transform;
 
 use nst_core::{Estimates, SequenceBatch};

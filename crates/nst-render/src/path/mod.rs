@@ -97,16 +97,17 @@ impl<'a> PathTracer<'a> {
     /// For each path, an unbiased estimate of the radiance that arrives at `origin`
     /// from its direction. The streams are those of one sampler, and have given
     /// nothing but the camera's dimensions so far.
-    pub(crate) fn radiances(
+    pub(crate) fn radiances<'w>(
         &self,
+        workspace: &'w mut Workspace,
         sampler: SamplerKind,
         origin: Vec3A,
         directions: impl Iterator<Item = (Vec3A, SampleStream)>,
-    ) -> Vec<Vec3A> {
-        let mut paths = Queue::default();
+    ) -> &'w [Vec3A] {
         let mut count = 0;
+        workspace.paths.clear();
         for (direction, stream) in directions {
-            let (paths, i): (&mut Paths, _) = paths.push();
+            let (paths, i) = workspace.paths.push();
             paths.rays.origin.set(i, origin.into());
             paths.rays.direction.set(i, direction.into());
             paths.rays.tmax[i] = f32::INFINITY;
@@ -116,27 +117,36 @@ impl<'a> PathTracer<'a> {
             paths.path[i] = count;
             count += 1;
         }
-        let radiance = vec![Vec3A::ZERO; count as usize];
-        self.instructions.run(Trace { tracer: self, sampler, paths, radiance })
+        workspace.radiance.clear();
+        workspace.radiance.resize(count as usize, Vec3A::ZERO);
+        self.instructions.run(Trace { tracer: self, sampler, workspace });
+        &workspace.radiance
     }
+}
+
+/// Memory that one batch of paths leaves to the next.
+#[derive(Default)]
+pub(crate) struct Workspace {
+    paths: Queue<Paths>,
+    /// Points of Lambert's surfaces, and of all others.
+    queues: [Queue<Points>; 2],
+    /// By path.
+    radiance: Vec<Vec3A>,
 }
 
 /// Follows paths to their ends.
 struct Trace<'a> {
     tracer: &'a PathTracer<'a>,
     sampler: SamplerKind,
-    paths: Queue<Paths>,
-    radiance: Vec<Vec3A>,
+    workspace: &'a mut Workspace,
 }
 
 impl Kernel for Trace<'_> {
-    type Output = Vec<Vec3A>;
+    type Output = ();
 
     #[inline(always)]
-    fn run(self) -> Vec<Vec3A> {
-        let Self { tracer, sampler, mut paths, mut radiance } = self;
-        // Lambert's surfaces, and all others.
-        let mut queues = [Queue::<Points>::default(), Queue::<Points>::default()];
+    fn run(self) {
+        let Self { tracer, sampler, workspace: Workspace { paths, queues, radiance } } = self;
         let mut dimension = CAMERA_DIMENSIONS;
         for vertex in 1..=tracer.scene.max_depth {
             let is_last = vertex == tracer.scene.max_depth;
@@ -146,7 +156,7 @@ impl Kernel for Trace<'_> {
                 for i in (0..LANES).filter(|&i| paths.rays.tmax[i] >= 0.0) {
                     radiance[paths.path[i] as usize] += tracer.emitted(paths, &hits, i);
                     if hits.triangle[i] != NONE && !is_last {
-                        tracer.arrive(paths, &hits, i, &mut queues);
+                        tracer.arrive(paths, &hits, i, queues);
                     }
                 }
             }
@@ -179,7 +189,6 @@ impl Kernel for Trace<'_> {
             }
             dimension += Draws::dimensions(roulette);
         }
-        radiance
     }
 }
 
@@ -312,8 +321,10 @@ mod tests {
             let film = Vec2::new((i % 4) as f32, (i / 4 % 4) as f32) + samples.next_2d();
             (projection.direction(film), samples)
         };
+        let mut workspace = Workspace::default();
+        let rays = (0..COUNT).map(camera);
         let radiances =
-            tracer.radiances(SamplerKind::Random, projection.origin, (0..COUNT).map(camera));
+            tracer.radiances(&mut workspace, SamplerKind::Random, projection.origin, rays);
         let (mut sum, mut squares) = (0.0, 0.0);
         for radiance in radiances {
             let value = f64::from(radiance.element_sum());
@@ -349,7 +360,8 @@ mod tests {
             let film = Vec2::new((i % 64) as f32, (i / 64) as f32) + samples.next_2d();
             (projection.direction(film), samples)
         });
-        tracer.radiances(SamplerKind::Random, projection.origin, paths)
+        let mut workspace = Workspace::default();
+        tracer.radiances(&mut workspace, SamplerKind::Random, projection.origin, paths).to_vec()
     }
 
     #[test]
