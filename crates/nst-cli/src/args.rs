@@ -20,6 +20,8 @@ pub(crate) struct Args {
 pub(crate) enum Command {
     Render(RenderArgs),
     Transform(TransformArgs),
+    Info(InfoArgs),
+    Compare(CompareArgs),
     Bench(BenchArgs),
 }
 
@@ -81,6 +83,38 @@ pub(crate) struct TransformArgs {
     pub(crate) output: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) method: MethodArgs,
+    #[command(flatten)]
+    pub(crate) common: CommonArgs,
+}
+
+/// Say what is in a file: a sequence or picture (EXR), a scene (OBJ), a network's
+/// weights or a dataset (safetensors).
+#[derive(Debug, clap::Args)]
+pub(crate) struct InfoArgs {
+    /// The file.
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    /// Print one JSON object.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Compare pictures with a reference: MSE, relMSE and SMAPE.
+///
+/// Several pictures are taken for independent runs of one method: the error is their
+/// mean, and bias and variance are told apart.
+#[derive(Debug, clap::Args)]
+pub(crate) struct CompareArgs {
+    /// EXR pictures of any program, of one size; the last is the reference.
+    #[arg(value_name = "EXR", num_args = 2.., required = true)]
+    pub(crate) files: Vec<PathBuf>,
+    /// Layer of the pictures to compare, such as S. The reference's main picture is
+    /// always taken. [default: the main picture]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) layer: Option<String>,
+    /// Also draw each pixel's relative squared error: false colours, logarithmic.
+    #[arg(long, value_name = "PNG", value_parser = png_path)]
+    pub(crate) error_map: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) common: CommonArgs,
 }
@@ -266,6 +300,11 @@ fn size(text: &str) -> Result<[u32; 2], String> {
 fn exr_path(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     if has_extension(&path, "exr") { Ok(path) } else { Err("the name must end in .exr".to_owned()) }
+}
+
+fn png_path(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if has_extension(&path, "png") { Ok(path) } else { Err("the name must end in .png".to_owned()) }
 }
 
 /// Whether a path ends in the extension, whatever its case.

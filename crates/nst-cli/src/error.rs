@@ -15,6 +15,9 @@ pub(crate) enum Error {
     Csv { path: PathBuf, source: csv::Error },
     #[error("--backend gpu: {0}; --backend cpu needs none")]
     Gpu(nst_core::Error),
+    /// Files that do not fit together; the message names them.
+    #[error("{0}")]
+    Files(String),
     /// The command line is wrong; the exit code says so.
     #[error("{0}")]
     Usage(String),

@@ -176,7 +176,10 @@ impl<'a> RunErrors<'a> {
             *deviation += difference * (f64::from(x) - *mean);
         }
         let errors = |metric: Metric| {
-            self.pixel_means(|lane| metric.of(f64::from(run[lane]), f64::from(self.reference[lane])))
+            let reference = self.reference;
+            self.pixel_means(move |lane| {
+                metric.of(f64::from(run[lane]), f64::from(reference[lane]))
+            })
         };
         let mut nonfinite = 0;
         let means = Metric::ALL.map(|metric| {
@@ -336,7 +339,9 @@ mod tests {
         for _ in 0..3 {
             let run: Vec<f32> = (0..PIXELS)
                 .map(|_| {
-                    state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                    state = state
+                        .wrapping_mul(6_364_136_223_846_793_005)
+                        .wrapping_add(1_442_695_040_888_963_407);
                     if state >> 63 == 0 { 1.5 } else { -0.5 }
                 })
                 .collect();

@@ -16,6 +16,7 @@ mod environment;
 mod error;
 mod exr_file;
 pub mod exr_header;
+pub mod false_color;
 pub mod film;
 mod light;
 mod load;

@@ -121,7 +121,8 @@ impl Picture {
         for block in blocks {
             let index = block.index;
             let (x, y) = (index.pixel_position.x(), index.pixel_position.y());
-            let elsewhere = index.layer != self.part || (index.level.x(), index.level.y()) != (0, 0);
+            let elsewhere =
+                index.layer != self.part || (index.level.x(), index.level.y()) != (0, 0);
             if elsewhere || !seen.insert((x, y)) {
                 return Err(incomplete());
             }
@@ -225,9 +226,10 @@ mod tests {
     fn write_file(path: &Path, encoding: Encoding, position: Vec2<i32>, names: &[&str]) {
         let size = Vec2(9, 37);
         let kinds = [SampleType::F16, SampleType::F32, SampleType::U32];
-        let channels = names.iter().enumerate().map(|(i, name)| {
-            AnyChannel::new(*name, samples(kinds[i % 3], i, size))
-        });
+        let channels = names
+            .iter()
+            .enumerate()
+            .map(|(i, name)| AnyChannel::new(*name, samples(kinds[i % 3], i, size)));
         let attributes = LayerAttributes::named("main").with_position(position);
         let layer = Layer::new(size, attributes, encoding, AnyChannels::sort(channels.collect()));
         Image::from_layer(layer).write().to_file(path).expect("a file");

@@ -1,4 +1,6 @@
 pub(crate) mod bench;
+pub(crate) mod compare;
+pub(crate) mod info;
 pub(crate) mod render;
 pub(crate) mod transform;
 

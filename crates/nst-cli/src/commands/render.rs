@@ -92,11 +92,12 @@ fn dataset(args: &RenderArgs, runs: u32) -> Result<(), Error> {
     let settings = settings(args, Keep::All);
     let info = DatasetInfo {
         size: scene.size,
+        channels: 3,
         runs,
-        terms: args.spp,
+        sample_counts: (1..=args.spp).collect(),
         scene: scene.fingerprint(),
         sampler: settings.sampler.name().to_owned(),
-        first_seed: args.seed,
+        first_seed: Some(args.seed),
     };
     let mut writer = DatasetWriter::new(OutputFile::create(&path)?, info)?;
     let silent = args.common.quiet || args.common.json;
