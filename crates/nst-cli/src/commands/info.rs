@@ -10,13 +10,11 @@ use nst_render::{
 };
 use serde_json::{Value, json};
 
+use super::{list, numbers};
 use crate::{
     args::{InfoArgs, has_extension},
     error::Error,
 };
-
-/// The most numbers or names that a line of text lists.
-const MOST_LISTED: usize = 12;
 
 /// The same facts for programs and for people.
 struct Info {
@@ -234,21 +232,4 @@ fn trained_on(fingerprint: &str) -> Result<Vec<&'static str>, Error> {
 
 fn or_unknown(text: &str) -> &str {
     if text.is_empty() { "not recorded" } else { text }
-}
-
-fn numbers(numbers: &[u32]) -> String {
-    list(&numbers.iter().map(u32::to_string).collect::<Vec<_>>(), "none")
-}
-
-/// Names one after the other; the middle of a long list is left out.
-fn list(names: &[impl AsRef<str>], none: &str) -> String {
-    let names: Vec<_> = names.iter().map(AsRef::as_ref).collect();
-    match names.len() {
-        0 => none.to_owned(),
-        1..=MOST_LISTED => names.join(", "),
-        count => {
-            let (start, end) = (&names[..MOST_LISTED / 2], &names[count - MOST_LISTED / 2..]);
-            format!("{}, …, {} ({count})", start.join(", "), end.join(", "))
-        }
-    }
 }
