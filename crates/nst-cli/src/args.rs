@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{ArgGroup, Parser, Subcommand, ValueEnum};
 use nst_core::BUILTIN;
 use nst_render::{PixelFilter, SamplerKind};
 
@@ -29,6 +29,7 @@ pub(crate) enum Command {
 
 /// Render a scene, transform each pixel's sequence, write EXR and PNG.
 #[derive(Debug, clap::Args)]
+#[command(group(ArgGroup::new("stored").args(["sequence", "resume"]).multiple(true)))]
 pub(crate) struct RenderArgs {
     /// OBJ file; its MTL files and a TOML sidecar of the same name are read with it.
     #[arg(long, value_name = "OBJ")]
@@ -44,30 +45,34 @@ pub(crate) struct RenderArgs {
     /// picture; the seeds count up from --seed.
     #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "sequence")]
     pub(crate) runs: Option<u32>,
-    /// Also store the sequence, for `nst transform`.
+    /// Also store the sequence, for `nst transform` and --resume.
     #[arg(long, value_name = "EXR", value_parser = exr_path)]
     pub(crate) sequence: Option<PathBuf>,
-    /// Which terms of the sequence to store.
-    #[arg(long, value_enum, default_value_t, requires = "sequence")]
-    pub(crate) keep: KeepArg,
+    /// Continue the rendering of this sequence file, up to --spp. What the file says
+    /// need not be repeated; without --sequence it is brought up to date.
+    #[arg(long, value_name = "EXR", conflicts_with = "runs")]
+    pub(crate) resume: Option<PathBuf>,
+    /// Which terms of the sequence to store. [default: window]
+    #[arg(long, value_enum, requires = "stored")]
+    pub(crate) keep: Option<KeepArg>,
     /// Film size in pixels, as in 512x512. [default: the scene's]
     #[arg(long, value_name = "WxH", value_parser = size)]
     pub(crate) size: Option<[u32; 2]>,
-    /// Which random numbers to use.
-    #[arg(long, value_enum, default_value_t)]
-    pub(crate) sampler: SamplerArg,
-    /// Seed of the random numbers; runs with different seeds are independent.
-    #[arg(long, default_value_t = 0)]
-    pub(crate) seed: u64,
+    /// Which random numbers to use. [default: random]
+    #[arg(long, value_enum)]
+    pub(crate) sampler: Option<SamplerArg>,
+    /// Seed of the random numbers; runs with different seeds are independent. [default: 0]
+    #[arg(long)]
+    pub(crate) seed: Option<u64>,
     /// `path`: paths up to the depth; `direct`: depth 2. [default: the scene's]
     #[arg(long, value_enum)]
     pub(crate) integrator: Option<IntegratorArg>,
     /// Path vertices after the camera that may scatter or emit. [default: the scene's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) max_depth: Option<u32>,
-    /// Where in a pixel samples are taken.
-    #[arg(long, value_enum, default_value_t)]
-    pub(crate) pixel: PixelArg,
+    /// Where in a pixel samples are taken. [default: box]
+    #[arg(long, value_enum)]
+    pub(crate) pixel: Option<PixelArg>,
     #[command(flatten)]
     pub(crate) method: MethodArgs,
     #[command(flatten)]
@@ -250,19 +255,19 @@ pub(crate) struct CommonArgs {
     pub(crate) json: bool,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum KeepArg {
-    /// The last terms, as many as the network reads.
-    #[default]
+    /// The last eight terms, or as many as the network reads.
     Window,
+    /// The window, and the terms of 1, 2, 4, 8, … samples.
+    Pow2,
     /// All terms, from one sample on.
     All,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum SamplerArg {
     /// Independent and uniform.
-    #[default]
     Random,
     /// A scrambled Halton sequence for each pixel.
     Halton,
@@ -300,10 +305,9 @@ pub(crate) enum IntegratorArg {
     Direct,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum PixelArg {
     /// Uniformly, which smooths edges.
-    #[default]
     Box,
     /// At the centre, as in the paper.
     Center,

@@ -18,6 +18,11 @@ pub(crate) enum Error {
     /// Files that do not fit together; the message names them.
     #[error("{0}")]
     Files(String),
+    #[error("cannot watch for Ctrl-C: {0}")]
+    CtrlC(#[from] ctrlc::Error),
+    /// Ctrl-C ended the job early; the exit code is that of a program so ended.
+    #[error("{0}")]
+    Interrupted(String),
     /// The command line is wrong; the exit code says so.
     #[error("{0}")]
     Usage(String),

@@ -30,6 +30,22 @@ pub(crate) struct Summary {
     written: Vec<String>,
 }
 
+/// What became of the lanes of one or several batches.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct LaneCounts {
+    lanes: usize,
+    skipped: usize,
+    fallen_back: usize,
+}
+
+impl LaneCounts {
+    pub(crate) fn add(&mut self, estimates: &Estimates) {
+        self.lanes += estimates.values().len();
+        self.skipped += estimates.count(Status::Constant);
+        self.fallen_back += estimates.fallen_back();
+    }
+}
+
 /// A rendering's part of the summary.
 pub(crate) struct RenderStats {
     pub(crate) time: Duration,
@@ -52,7 +68,7 @@ impl Stopwatch {
         &self,
         render: Option<RenderStats>,
         method: &Method,
-        estimates: &Estimates,
+        counts: LaneCounts,
         written: Vec<String>,
     ) -> Summary {
         Summary {
@@ -66,9 +82,9 @@ impl Stopwatch {
             backend: method.backend,
             adapter: method.adapter.clone(),
             transform: method.name.clone(),
-            lanes: estimates.values().len(),
-            lanes_skipped: estimates.count(Status::Constant),
-            lanes_fallen_back: estimates.fallen_back(),
+            lanes: counts.lanes,
+            lanes_skipped: counts.skipped,
+            lanes_fallen_back: counts.fallen_back,
             reason: method.reason.clone(),
             written,
         }

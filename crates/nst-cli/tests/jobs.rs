@@ -127,8 +127,9 @@ fn a_stored_sequence_holds_what_was_asked_for() {
     bench.succeed(&args);
     let window = SequenceFile::read(&bench.path("seq.exr")).expect("a sequence");
     assert_eq!(window.batch.sample_counts(), [5, 6, 7, 8, 9, 10, 11, 12]);
-    assert_eq!((window.size, window.seed, window.batch.lanes()), ([9, 7], 5, 9 * 7 * 3));
-    assert!(window.scene.starts_with("cornell:"));
+    assert_eq!((window.info.size, window.batch.lanes()), ([9, 7], 9 * 7 * 3));
+    assert_eq!(window.info.seeds, [5]);
+    assert!(window.info.scene.starts_with("cornell:"));
     bench.succeed(&format!("{args} --keep all"));
     let all = SequenceFile::read(&bench.path("seq.exr")).expect("a sequence");
     assert_eq!(all.batch.sample_counts().len(), 12);
@@ -228,10 +229,10 @@ fn samplers_and_integrators_differ_in_what_they_say_they_do() {
         SequenceFile::read(&bench.path("seq.exr")).expect("a sequence")
     };
     let (random, halton) = (render(""), render("--sampler halton"));
-    assert_eq!((random.sampler.as_str(), halton.sampler.as_str()), ("random", "halton"));
+    assert_eq!((&*random.info.sampler, &*halton.info.sampler), ("random", "halton"));
     assert_ne!(random.batch, halton.batch);
     // The same integrals, whichever numbers they are sampled with.
-    assert_eq!(random.scene, halton.scene);
+    assert_eq!(random.info.scene, halton.info.scene);
     let direct = render("--integrator direct");
     assert_eq!(direct.batch, render("--max-depth 2").batch);
     let sum = |file: &SequenceFile| file.batch.last().iter().map(|&x| f64::from(x)).sum::<f64>();

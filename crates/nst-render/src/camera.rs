@@ -25,6 +25,17 @@ pub enum PixelFilter {
     Center,
 }
 
+impl PixelFilter {
+    /// The name in sequence files and on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Box => "box",
+            Self::Center => "center",
+        }
+    }
+}
+
 /// The camera's frame, scaled so that film coordinates map to directions.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Projection {

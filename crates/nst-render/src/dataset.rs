@@ -5,7 +5,7 @@
 use std::{
     collections::BTreeMap,
     fs::File,
-    io::{BufWriter, Read, Write},
+    io::{BufWriter, Read, Seek, SeekFrom, Write},
     path::Path,
 };
 
@@ -163,31 +163,7 @@ impl DatasetWriter {
     /// # Errors
     /// [`Error::Io`] if it cannot be written.
     pub fn new(mut output: OutputFile, info: DatasetInfo) -> Result<Self, Error> {
-        let (lanes, terms) = (info.lanes(), info.sample_counts.len() as u64);
-        let bytes = 4 * u64::from(info.runs) * terms * lanes;
-        let counts: Vec<_> = info.sample_counts.iter().map(u32::to_string).collect();
-        let mut metadata = json!({
-            "format": FORMAT,
-            "width": info.size[0].to_string(),
-            "height": info.size[1].to_string(),
-            "sample_counts": counts.join(","),
-            "scene": info.scene,
-            "sampler": info.sampler,
-        });
-        if let Some(seed) = info.first_seed {
-            metadata["first_seed"] = seed.to_string().into();
-        }
-        let header = json!({
-            "__metadata__": metadata,
-            "sequences": {
-                "dtype": "F32",
-                "shape": [u64::from(info.runs), terms, lanes],
-                "data_offsets": [0, bytes],
-            },
-        });
-        let mut header = header.to_string().into_bytes();
-        // Spaces up to a multiple of eight keep the numbers aligned in memory.
-        header.resize(header.len().next_multiple_of(8), b' ');
+        let header = header(&info, info.runs, 0);
         let length = (header.len() as u64).to_le_bytes();
         let result =
             output.file().write_all(&length).and_then(|()| output.file().write_all(&header));
@@ -219,15 +195,87 @@ impl DatasetWriter {
         Ok(())
     }
 
-    /// Puts the finished file in its place.
+    /// Puts the finished file in its place; it may have fewer runs than were planned.
     ///
     /// # Errors
-    /// [`Error::Settings`] if runs are missing, [`Error::Io`] if it cannot be renamed.
-    pub fn finish(self) -> Result<(), Error> {
-        if self.written != self.info.runs {
-            let message = format!("{} of {} runs were written", self.written, self.info.runs);
-            return Err(Error::Settings(message));
+    /// [`Error::Settings`] if there are no runs, [`Error::Io`] if it cannot be renamed.
+    pub fn finish(mut self) -> Result<(), Error> {
+        if self.written == 0 {
+            return Err(Error::Settings("no run was written".into()));
+        }
+        if self.written < self.info.runs {
+            let planned = header(&self.info, self.info.runs, 0).len();
+            let header = header(&self.info, self.written, planned);
+            let file = self.output.file();
+            let result = file.seek(SeekFrom::Start(8)).and_then(|_| file.write_all(&header));
+            result.map_err(|error| Error::io("write", self.output.path(), error))?;
         }
         self.output.commit()
+    }
+}
+
+/// The JSON header, `length` bytes long or as long as it needs to be.
+fn header(info: &DatasetInfo, runs: u32, length: usize) -> Vec<u8> {
+    let (lanes, terms) = (info.lanes(), info.sample_counts.len() as u64);
+    let bytes = 4 * u64::from(runs) * terms * lanes;
+    let counts: Vec<_> = info.sample_counts.iter().map(u32::to_string).collect();
+    let mut metadata = json!({
+        "format": FORMAT,
+        "width": info.size[0].to_string(),
+        "height": info.size[1].to_string(),
+        "sample_counts": counts.join(","),
+        "scene": info.scene,
+        "sampler": info.sampler,
+    });
+    if let Some(seed) = info.first_seed {
+        metadata["first_seed"] = seed.to_string().into();
+    }
+    let header = json!({
+        "__metadata__": metadata,
+        "sequences": {
+            "dtype": "F32",
+            "shape": [u64::from(runs), terms, lanes],
+            "data_offsets": [0, bytes],
+        },
+    });
+    let mut header = header.to_string().into_bytes();
+    // Spaces up to a multiple of eight keep the numbers aligned in memory.
+    header.resize(length.max(header.len().next_multiple_of(8)), b' ');
+    header
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array2;
+    use safetensors::SafeTensors;
+
+    use super::*;
+
+    #[test]
+    fn fewer_runs_than_planned_are_a_sound_dataset() -> Result<(), Box<dyn std::error::Error>> {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join("x.safetensors");
+        let info = DatasetInfo {
+            size: [1, 1],
+            channels: 3,
+            runs: 1_000_000,
+            sample_counts: vec![1, 2],
+            scene: "s".into(),
+            sampler: "random".into(),
+            first_seed: Some(7),
+        };
+        let run = SequenceBatch::new(Array2::ones((2, 3)), vec![1, 2])?;
+        assert!(DatasetWriter::new(OutputFile::create(&path)?, info.clone())?.finish().is_err());
+        let mut writer = DatasetWriter::new(OutputFile::create(&path)?, info.clone())?;
+        writer.push(&run)?;
+        writer.push(&run)?;
+        writer.finish()?;
+        let bytes = std::fs::read(&path)?;
+        let tensors = SafeTensors::deserialize(&bytes)?;
+        assert_eq!(tensors.tensor("sequences")?.shape(), [2, 2, 3]);
+        assert_eq!(DatasetInfo::read(&path)?, DatasetInfo { runs: 2, ..info });
+        std::fs::write(&path, &bytes[..bytes.len() - 1])?;
+        assert!(DatasetInfo::read(&path).is_err_and(|e| e.to_string().contains("damaged")));
+        Ok(())
     }
 }

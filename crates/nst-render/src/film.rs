@@ -2,26 +2,52 @@
 
 use std::path::Path;
 
+use exr::prelude::SampleType;
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
 use crate::{
     Error,
-    exr_file::{self, Attributes, Channels, ExrFile},
+    exr_file::ExrFile,
+    exr_rows::{Attributes, Channel, RowWriter},
     output::OutputFile,
 };
 
 const RGB: [&str; 3] = ["R", "G", "B"];
 
-/// The channels of a layer, `S.R` for instance; the main picture has no prefix.
-fn channel_name(layer: &str, channel: &str) -> String {
+/// The channels of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ColorModel {
+    /// One channel, Y.
+    Mono,
+    /// R, G and B in linear sRGB primaries.
+    Rgb,
+}
+
+impl ColorModel {
+    /// The channels' names, in the order of planar lanes.
+    #[must_use]
+    pub fn channels(self) -> &'static [&'static str] {
+        match self {
+            Self::Mono => &["Y"],
+            Self::Rgb => &RGB,
+        }
+    }
+}
+
+/// The name of a layer's channel, `S.R` for instance; the main picture has no prefix.
+pub(crate) fn channel_name(layer: &str, channel: &str) -> String {
     if layer.is_empty() { channel.to_owned() } else { format!("{layer}.{channel}") }
 }
 
-/// Adds a layer of planar lanes to the channels of a file.
-pub(crate) fn insert_layer<'a>(channels: &mut Channels<'a>, layer: &str, lanes: &'a [f32]) {
-    for (channel, values) in RGB.iter().zip(lanes.chunks_exact(lanes.len() / RGB.len())) {
-        channels.insert(channel_name(layer, channel), values);
-    }
+/// The f32 channels of some layers, layer by layer.
+pub(crate) fn layer_channels<'a>(
+    model: ColorModel,
+    layers: impl IntoIterator<Item = &'a str>,
+) -> Vec<Channel> {
+    let channels = |layer: &'a str| {
+        model.channels().iter().map(move |channel| (channel_name(layer, channel), SampleType::F32))
+    };
+    layers.into_iter().flat_map(channels).collect()
 }
 
 /// Takes a layer out of a file, as planar lanes.
@@ -31,6 +57,51 @@ pub(crate) fn take_layer(file: &mut ExrFile, path: &Path, layer: &str) -> Result
         lanes.extend(file.take(path, &channel_name(layer, channel))?);
     }
     Ok(lanes)
+}
+
+/// Writes an EXR picture row by row.
+pub struct PictureWriter<'a> {
+    rows: RowWriter<'a>,
+    model: ColorModel,
+}
+
+impl<'a> PictureWriter<'a> {
+    /// Begins a picture whose main channels have no prefix, with further named layers.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it cannot be written.
+    pub fn create(
+        output: &'a mut OutputFile,
+        size: [u32; 2],
+        model: ColorModel,
+        layers: &[&str],
+    ) -> Result<Self, Error> {
+        let channels = layer_channels(model, [""].into_iter().chain(layers.iter().copied()));
+        Ok(Self { rows: RowWriter::create(output, size, &channels, Attributes::new())?, model })
+    }
+
+    /// Appends rows: the main picture and then each layer, all planar lanes. All
+    /// but the last rows of a picture come in multiples of 16.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if they cannot be written.
+    pub fn push(&mut self, layers: &[&[f32]]) -> Result<(), Error> {
+        let channels = self.model.channels().len();
+        let planes: Vec<&[u8]> = layers
+            .iter()
+            .flat_map(|lanes| lanes.chunks_exact(lanes.len() / channels))
+            .map(bytemuck::cast_slice)
+            .collect();
+        self.rows.push(&planes)
+    }
+
+    /// Completes the file, whose rows must all be there. The caller commits the output.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it cannot be written.
+    pub fn finish(self) -> Result<(), Error> {
+        self.rows.finish()
+    }
 }
 
 /// Writes an EXR picture: `rgb` in the channels R, G, B, and further named
@@ -44,12 +115,11 @@ pub fn write_exr(
     rgb: &[f32],
     layers: &[(&str, &[f32])],
 ) -> Result<(), Error> {
-    let mut channels = Channels::new();
-    insert_layer(&mut channels, "", rgb);
-    for (name, lanes) in layers {
-        insert_layer(&mut channels, name, lanes);
-    }
-    exr_file::write(output, size, channels, Attributes::new())
+    let names: Vec<&str> = layers.iter().map(|&(name, _)| name).collect();
+    let mut writer = PictureWriter::create(output, size, ColorModel::Rgb, &names)?;
+    let lanes: Vec<&[f32]> = [rgb].into_iter().chain(layers.iter().map(|&(_, l)| l)).collect();
+    writer.push(&lanes)?;
+    writer.finish()
 }
 
 /// Writes an 8-bit PNG: planar linear lanes, clamped to [0, 1] and encoded by the

@@ -16,8 +16,10 @@ mod environment;
 mod error;
 mod exr_file;
 pub mod exr_header;
+mod exr_rows;
 pub mod false_color;
 pub mod film;
+mod kept;
 mod light;
 mod load;
 mod material;
@@ -30,13 +32,18 @@ mod render;
 mod sampler;
 mod scene;
 pub mod sequence_file;
+mod sums;
 mod texture;
+mod tiles;
 mod traversal;
 
 pub use camera::{Camera, PixelFilter};
 pub use error::Error;
 pub use material::{Disney, Material, Scattering};
-pub use render::{FOLDS, Keep, RenderSettings, Rendering, VARIANCE, fold_name, render};
+pub use render::{
+    Control, Keep, RenderSettings, Rendering, VARIANCE, fold_name, render, render_from,
+};
 pub use sampler::{SampleStream, Sampler, SamplerKind};
 pub use scene::{Environment, Scene, Triangle};
+pub use sums::{FOLDS, Sums};
 pub use texture::Texture;

@@ -1,7 +1,8 @@
-//! Accumulates radiance samples into each pixel's sequence.
+//! Accumulates radiance samples into each pixel's sequence, in passes over the
+//! picture: between two of them a rendering can stop, and go on some other day.
 
 use std::{
-    sync::{Mutex, PoisonError},
+    ops::Range,
     time::{Duration, Instant},
 };
 
@@ -11,11 +12,13 @@ use nst_core::SequenceBatch;
 use rayon::prelude::*;
 
 use crate::{
-    Error, PixelFilter, Sampler, SamplerKind, Scene, camera::Projection, path::PathTracer,
+    Error, FOLDS, PixelFilter, Sampler, SamplerKind, Scene, Sums,
+    camera::Projection,
+    kept::Slots,
+    path::PathTracer,
+    sums::{fold_count, total},
+    tiles::{self, Tile},
 };
-
-/// How many folds the samples of a pixel are split into: sample i belongs to fold i mod 4.
-pub const FOLDS: usize = 4;
 
 /// The side channel that holds the estimated variance of S_N.
 pub const VARIANCE: &str = "Variance";
@@ -33,6 +36,8 @@ pub enum Keep {
     Window(u32),
     /// All: S_1 … S_N.
     All,
+    /// S_1, S_2, S_4, … and the last so many.
+    Pow2(u32),
 }
 
 /// How to render, as opposed to what.
@@ -54,12 +59,21 @@ pub struct Rendering {
     /// The kept terms, the fold means (where spp ≥ [`FOLDS`]) and the variance of
     /// S_N (where spp ≥ 2); three planar channels of lanes.
     pub batch: SequenceBatch,
+    /// What the rendering can be continued from.
+    pub sums: Sums,
     /// How long it took, the acceleration structure included.
     pub time: Duration,
 }
 
-/// Pixels along the side of a tile, the unit of work.
-const TILE: u32 = 16;
+/// What a rendering says and is told as it goes along.
+#[derive(Clone, Copy)]
+pub struct Control<'a> {
+    /// Is called with the number of paths of each tile that is done.
+    pub progress: &'a (dyn Fn(u64) + Sync),
+    /// Is asked after each pass over the picture whether to stop there.
+    pub stop: &'a (dyn Fn() -> bool + Sync),
+}
+
 const CHANNELS: usize = 3;
 
 /// Renders a scene. The result depends on the scene and the settings alone, not
@@ -73,130 +87,179 @@ pub fn render(
     settings: &RenderSettings,
     progress: &(dyn Fn(u64) + Sync),
 ) -> Result<Rendering, Error> {
-    let start = Instant::now();
+    render_from(None, scene, settings, Control { progress, stop: &|| false })
+}
+
+/// Renders from where an earlier rendering of the same scene and settings ended,
+/// but for the number of samples: the result is that of [`render()`], to the bit.
+/// If it is told to stop, its last term tells the samples that were reached.
+///
+/// # Errors
+/// As [`render()`]; and if `start` does not have fewer samples or has another size
+/// or other terms.
+pub fn render_from(
+    start: Option<Rendering>,
+    scene: &Scene,
+    settings: &RenderSettings,
+    control: Control<'_>,
+) -> Result<Rendering, Error> {
+    let begin = Instant::now();
+    let spp = settings.spp;
     let [width, height] = scene.size;
     let pixels = u64::from(width) * u64::from(height);
-    if settings.spp == 0 || pixels == 0 {
+    if spp == 0 || pixels == 0 {
         return Err(Error::Settings(format!(
-            "nothing to render: {width}x{height} pixels with {} samples each",
-            settings.spp
+            "nothing to render: {width}x{height} pixels with {spp} samples each"
         )));
     }
     if pixels * CHANNELS as u64 > 1 << 31 {
         return Err(Error::Settings(format!("{width}x{height} pixels are too many")));
     }
 
-    let planes = Planes::new(settings);
-    let pixels = pixels as usize;
-    let lanes = CHANNELS * pixels;
-    let result = Mutex::new(Accumulated::new(planes, lanes));
+    let slots = Slots::new(settings.keep, spp);
+    let mut accumulated = match start {
+        None => Accumulated::new(slots, scene.size),
+        Some(start) => Accumulated::from(start, settings, scene.size)?,
+    };
     let frame = Frame {
         tracer: PathTracer::new(scene),
         projection: Projection::new(&scene.camera, scene.size),
         sampler: Sampler::new(settings.sampler, settings.seed),
         filter: scene.pixel_filter,
         width,
-        planes,
     };
-    let tiles_x = width.div_ceil(TILE);
-    (0..tiles_x * height.div_ceil(TILE)).into_par_iter().for_each(|tile| {
-        let tile = Tile::new(tile % tiles_x, tile / tiles_x, width, height);
-        let values = frame.tile(&tile);
-        let mut result = result.lock().unwrap_or_else(PoisonError::into_inner);
-        for (image, values) in result.images(pixels).zip(values.chunks_exact(tile.pixels())) {
-            for (y, row) in (tile.y..).zip(values.chunks_exact(tile.width as usize)) {
-                let first = (y * width + tile.x) as usize;
-                image[first..][..row.len()].copy_from_slice(row);
-            }
+    // A pass takes long enough for its end not to count, and Ctrl-C not too long.
+    let step = (1_u64 << 20).div_ceil(pixels).clamp(1, 16) as u32;
+    let mut n = accumulated.samples;
+    let mut tiles = accumulated.tiles();
+    loop {
+        let pass = n..spp.min(n.saturating_add(step));
+        tiles.par_iter_mut().for_each(|(tile, recorded)| {
+            frame.trace(tile, pass.clone(), |pixel, index, rgb| {
+                recorded.add(slots, pixel, index, rgb, pass.end);
+            });
+            (control.progress)(tile.pixels() as u64 * pass.len() as u64);
+        });
+        n = pass.end;
+        if n == spp || (control.stop)() {
+            break;
         }
-        drop(result);
-        progress(tile.pixels() as u64 * u64::from(settings.spp));
-    });
-    let result = result.into_inner().unwrap_or_else(PoisonError::into_inner);
-    Ok(Rendering { batch: result.batch(planes, lanes)?, time: start.elapsed() })
+    }
+    accumulated.samples = n;
+    let (batch, sums) = accumulated.finish()?;
+    Ok(Rendering { batch, sums, time: begin.elapsed() })
 }
 
-/// Which numbers are recorded per lane, in this order: the kept terms, the fold
-/// means, the variance.
-#[derive(Clone, Copy)]
-struct Planes {
-    spp: u32,
-    /// Terms are kept from this sample count on.
-    first_term: u32,
-}
-
-impl Planes {
-    fn new(settings: &RenderSettings) -> Self {
-        let spp = settings.spp;
-        let first_term = match settings.keep {
-            Keep::All => 1,
-            // From spp − length + 1 on, without a step beyond u32.
-            Keep::Window(length) => spp.saturating_sub(length.max(1) - 1).max(1),
-        };
-        Self { spp, first_term }
-    }
-
-    fn terms(&self) -> usize {
-        (self.spp - self.first_term + 1) as usize
-    }
-
-    fn folds(&self) -> usize {
-        if self.spp as usize >= FOLDS { FOLDS } else { 0 }
-    }
-
-    fn count(&self) -> usize {
-        self.terms() + self.folds() + usize::from(self.spp >= 2)
-    }
-}
-
-/// The recorded numbers of the whole picture, in the layout of a batch.
+/// The recorded numbers of the whole picture; images are in the order of tiles.
 struct Accumulated {
-    /// `[term][channel][pixel]`
+    size: [u32; 2],
+    slots: Slots,
+    samples: u32,
+    /// `[slot][channel][pixel]`
     terms: Vec<f32>,
-    /// Each `[channel][pixel]`.
-    sides: Vec<Vec<f32>>,
+    /// `[channel][pixel]` each
+    sums: Sums,
 }
 
 impl Accumulated {
-    fn new(planes: Planes, lanes: usize) -> Self {
-        let sides = planes.count() - planes.terms();
-        Self { terms: vec![0.0; planes.terms() * lanes], sides: vec![vec![0.0; lanes]; sides] }
+    fn new(slots: Slots, size: [u32; 2]) -> Self {
+        let lanes = CHANNELS * size[0] as usize * size[1] as usize;
+        let terms = vec![0.0; slots.count() * lanes];
+        Self { size, slots, samples: 0, terms, sums: Sums::zero(lanes) }
     }
 
-    /// The images of one channel of one plane, in the order of [`Frame::tile`].
-    fn images(&mut self, pixels: usize) -> impl Iterator<Item = &mut [f32]> {
-        let sides = self.sides.iter_mut().flat_map(move |side| side.chunks_exact_mut(pixels));
-        self.terms.chunks_exact_mut(pixels).chain(sides)
-    }
-
-    fn batch(self, planes: Planes, lanes: usize) -> Result<SequenceBatch, Error> {
-        let terms = Array2::from_shape_vec((planes.terms(), lanes), self.terms)
-            .map_err(|error| Error::Settings(error.to_string()))?;
-        let mut batch = SequenceBatch::new(terms, (planes.first_term..=planes.spp).collect())?;
-        let names = (0..planes.folds()).map(fold_name).chain([VARIANCE.to_owned()]);
-        for (name, values) in names.zip(self.sides) {
-            batch.set_side(&name, values)?;
+    /// Puts an earlier rendering's numbers in their places.
+    fn from(start: Rendering, settings: &RenderSettings, size: [u32; 2]) -> Result<Self, Error> {
+        let Rendering { batch, mut sums, .. } = start;
+        let counts = batch.sample_counts().to_vec();
+        let samples = counts[counts.len() - 1];
+        let lanes = CHANNELS * size[0] as usize * size[1] as usize;
+        let fits = batch.lanes() == lanes
+            && sums.planes().all(|plane| plane.len() == lanes)
+            && samples < settings.spp
+            && counts == Slots::new(settings.keep, samples).sample_counts(samples);
+        if !fits {
+            let message = format!(
+                "a rendering of {} lanes and {samples} spp cannot be continued to {lanes} lanes and {} spp",
+                batch.lanes(),
+                settings.spp
+            );
+            return Err(Error::Settings(message));
         }
-        Ok(batch)
+        let slots = Slots::new(settings.keep, settings.spp);
+        let mut terms = vec![0.0; slots.count() * lanes];
+        for (k, count) in counts.into_iter().enumerate() {
+            for slot in slots.of(count, samples) {
+                terms[slot * lanes..][..lanes].copy_from_slice(batch.term(k));
+            }
+        }
+        drop(batch);
+        tiles::to_tiles(&mut terms, size);
+        sums.planes_mut().for_each(|plane| tiles::to_tiles(plane, size));
+        Ok(Self { size, slots, samples, terms, sums })
+    }
+
+    /// The numbers of each tile.
+    fn tiles(&mut self) -> Vec<(Tile, Recorded<'_>)> {
+        let pixels = self.size[0] as usize * self.size[1] as usize;
+        let sums = self.sums.planes_mut().flat_map(|plane| plane.chunks_exact_mut(pixels));
+        let sums = tiles::split(sums, self.size);
+        let terms = tiles::split(self.terms.chunks_exact_mut(pixels), self.size);
+        tiles::tiles(self.size)
+            .zip(sums.into_iter().zip(terms))
+            .map(|(tile, (sums, terms))| (tile, Recorded { sums, terms }))
+            .collect()
+    }
+
+    fn finish(self) -> Result<(SequenceBatch, Sums), Error> {
+        let Self { size, slots, samples, mut terms, mut sums } = self;
+        let lanes = sums.squares.len();
+        slots.sort(&mut terms, lanes, samples);
+        tiles::to_rows(&mut terms, size);
+        sums.planes_mut().for_each(|plane| tiles::to_rows(plane, size));
+        let terms = Array2::from_shape_vec((terms.len() / lanes, lanes), terms)
+            .map_err(|error| Error::Settings(error.to_string()))?;
+        let mut batch = SequenceBatch::new(terms, slots.sample_counts(samples))?;
+        if samples as usize >= FOLDS {
+            for (fold, values) in sums.folds.iter().enumerate() {
+                let count = fold_count(fold, samples);
+                let means = values.iter().map(|sum| (sum / count) as f32).collect();
+                batch.set_side(&fold_name(fold), means)?;
+            }
+        }
+        if samples >= 2 {
+            batch.set_side(VARIANCE, sums.variance(samples))?;
+        }
+        Ok((batch, sums))
     }
 }
 
-/// A rectangle of pixels.
-struct Tile {
-    x: u32,
-    y: u32,
-    width: u32,
-    height: u32,
+/// A tile's part of [`Accumulated`].
+struct Recorded<'a> {
+    /// `[fold, or squares][channel][pixel]`
+    sums: Vec<&'a mut [f64]>,
+    /// `[slot][channel][pixel]`
+    terms: Vec<&'a mut [f32]>,
 }
 
-impl Tile {
-    fn new(column: u32, row: u32, width: u32, height: u32) -> Self {
-        let (x, y) = (column * TILE, row * TILE);
-        Self { x, y, width: TILE.min(width - x), height: TILE.min(height - y) }
-    }
-
-    fn pixels(&self) -> usize {
-        (self.width * self.height) as usize
+impl Recorded<'_> {
+    /// Adds a sample to its pixel, in a pass that ends with S_`end`. Sums are in
+    /// f64: the differences between late terms are far below their size.
+    #[inline]
+    fn add(&mut self, slots: Slots, pixel: usize, index: u32, rgb: [f64; CHANNELS], end: u32) {
+        let fold = index as usize % FOLDS;
+        for (channel, sample) in rgb.into_iter().enumerate() {
+            self.sums[fold * CHANNELS + channel][pixel] += sample;
+            self.sums[FOLDS * CHANNELS + channel][pixel] += sample * sample;
+        }
+        let n = index + 1;
+        for slot in slots.of(n, end) {
+            for channel in 0..CHANNELS {
+                let folds = [0, 1, 2, 3].map(|fold| self.sums[fold * CHANNELS + channel][pixel]);
+                let mean = total(folds) / f64::from(n);
+                self.terms[slot * CHANNELS + channel][pixel] = mean as f32;
+            }
+        }
     }
 }
 
@@ -206,55 +269,23 @@ struct Frame<'a> {
     sampler: Sampler,
     filter: PixelFilter,
     width: u32,
-    planes: Planes,
 }
 
 impl Frame<'_> {
-    /// The recorded numbers of a tile: `[plane][channel][pixel]`.
-    fn tile(&self, tile: &Tile) -> Vec<f32> {
-        let pixels = tile.pixels();
-        let mut values = vec![0.0; self.planes.count() * CHANNELS * pixels];
-        for i in 0..pixels {
-            let (x, y) = (tile.x + i as u32 % tile.width, tile.y + i as u32 / tile.width);
-            self.pixel(x, y, |plane, rgb| {
-                for (channel, value) in rgb.into_iter().enumerate() {
-                    values[(plane * CHANNELS + channel) * pixels + i] = value as f32;
-                }
-            });
-        }
-        values
-    }
-
-    /// Samples one pixel and hands each of its planes to `record`. Sums are in
-    /// f64: the differences between late terms are far below their size.
-    fn pixel(&self, x: u32, y: u32, mut record: impl FnMut(usize, [f64; CHANNELS])) {
-        let Planes { spp, first_term } = self.planes;
-        let mut sum = [0.0; CHANNELS];
-        let mut squares = [0.0; CHANNELS];
-        let mut folds = [[0.0; CHANNELS]; FOLDS];
-        for index in 0..spp {
-            let sample = self.sample(x, y, index);
-            for c in 0..CHANNELS {
-                sum[c] += sample[c];
-                squares[c] += sample[c] * sample[c];
-                folds[index as usize % FOLDS][c] += sample[c];
+    /// Traces some of the samples of a tile's pixels and hands each to `record`:
+    /// the pixel of the tile, the sample's index, and its radiance. The indices
+    /// of a pixel increase.
+    fn trace(
+        &self,
+        tile: &Tile,
+        indices: Range<u32>,
+        mut record: impl FnMut(usize, u32, [f64; CHANNELS]),
+    ) {
+        for i in 0..tile.pixels() {
+            let (x, y) = tile.pixel(i);
+            for index in indices.clone() {
+                record(i, index, self.sample(x, y, index));
             }
-            let n = index + 1;
-            if n >= first_term {
-                record((n - first_term) as usize, sum.map(|s| s / f64::from(n)));
-            }
-        }
-        let mut plane = self.planes.terms();
-        for (fold, sum) in folds.iter().enumerate().take(self.planes.folds()) {
-            let count = (spp as usize - fold).div_ceil(FOLDS) as f64;
-            record(plane, sum.map(|s| s / count));
-            plane += 1;
-        }
-        if spp >= 2 {
-            // (Σy² − (Σy)²/N) / (N (N − 1)); rounding may take it below zero.
-            let n = f64::from(spp);
-            let variance = |c: usize| (squares[c] - sum[c] * sum[c] / n).max(0.0) / (n * (n - 1.0));
-            record(plane, [0, 1, 2].map(variance));
         }
     }
 
@@ -272,20 +303,56 @@ impl Frame<'_> {
 
 #[cfg(test)]
 mod tests {
+    use std::{
+        path::Path,
+        sync::atomic::{AtomicU32, Ordering},
+    };
+
     use super::*;
 
+    fn scene() -> Scene {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell/cornell.obj");
+        Scene { size: [37, 18], ..Scene::load(&path).expect("the scene") }
+    }
+
+    /// Stops after so many passes.
+    fn stopped(start: Option<Rendering>, settings: &RenderSettings, passes: u32) -> Rendering {
+        let done = AtomicU32::new(0);
+        let stop = || done.fetch_add(1, Ordering::Relaxed) + 1 == passes;
+        let control = Control { progress: &|_| {}, stop: &stop };
+        render_from(start, &scene(), settings, control).expect("the scene renders")
+    }
+
     #[test]
-    fn kept_terms() {
-        let kept = |spp, keep| {
-            let settings = RenderSettings { spp, sampler: SamplerKind::Random, seed: 0, keep };
-            let planes = Planes::new(&settings);
-            (planes.first_term, planes.terms())
-        };
-        assert_eq!(kept(64, Keep::Window(8)), (57, 8));
-        assert_eq!(kept(64, Keep::All), (1, 64));
-        assert_eq!(kept(8, Keep::Window(8)), (1, 8));
-        assert_eq!(kept(5, Keep::Window(8)), (1, 5));
-        assert_eq!(kept(5, Keep::Window(0)), (5, 1));
-        assert_eq!(kept(u32::MAX, Keep::Window(8)), (u32::MAX - 7, 8));
+    fn a_rendering_goes_on_where_it_stopped() {
+        for keep in [Keep::Window(8), Keep::All, Keep::Pow2(3)] {
+            for sampler in [SamplerKind::Random, SamplerKind::Halton] {
+                let settings = RenderSettings { spp: 41, sampler, seed: 3, keep };
+                let whole = render(&scene(), &settings, &|_| {}).expect("the scene renders");
+                let mut part = stopped(None, &settings, 1);
+                assert_eq!(part.batch.sample_counts().last(), Some(&16));
+                part = stopped(Some(part), &RenderSettings { spp: 18, ..settings }, 9);
+                part = stopped(Some(part), &RenderSettings { spp: 19, ..settings }, 9);
+                assert_ne!(part.batch, whole.batch);
+                let part = stopped(Some(part), &settings, 9);
+                assert_eq!(part.batch, whole.batch);
+                assert_eq!(part.sums, whole.sums);
+            }
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_is_not_continued() {
+        let settings =
+            RenderSettings { spp: 9, sampler: SamplerKind::Random, seed: 3, keep: Keep::Window(4) };
+        let whole = || render(&scene(), &settings, &|_| {}).expect("the scene renders");
+        let more = RenderSettings { spp: 12, ..settings };
+        let control = Control { progress: &|_| {}, stop: &|| false };
+        assert!(render_from(Some(whole()), &scene(), &more, control).is_ok());
+        assert!(render_from(Some(whole()), &scene(), &settings, control).is_err());
+        let other = RenderSettings { keep: Keep::All, ..more };
+        assert!(render_from(Some(whole()), &scene(), &other, control).is_err());
+        let other = Scene { size: [18, 36], ..scene() };
+        assert!(render_from(Some(whole()), &other, &more, control).is_err());
     }
 }

@@ -5,8 +5,11 @@
 use std::path::Path;
 
 use nst_render::{
-    FOLDS, Keep, RenderSettings, SamplerKind, Scene, output::OutputFile, render,
-    sequence_file::SequenceFile,
+    FOLDS, Keep, RenderSettings, SamplerKind, Scene,
+    film::ColorModel,
+    output::OutputFile,
+    render,
+    sequence_file::{ResumeInfo, SequenceInfo, SequenceWriter},
 };
 
 const SIZE: [u32; 2] = [1024, 1024];
@@ -25,29 +28,40 @@ fn render_and_store(scene: &Scene, spp: u32, keep: Keep) {
     let rendering = render(scene, &settings, &|_| {}).expect("the scene renders");
     let folder = tempfile::tempdir().expect("a temporary folder");
     let mut output = OutputFile::create(&folder.path().join("x.exr")).expect("a file");
-    let file = SequenceFile {
+    let info = SequenceInfo {
         size: SIZE,
-        batch: rendering.batch,
+        model: ColorModel::Rgb,
+        sample_counts: rendering.batch.sample_counts().to_vec(),
+        sides: rendering.batch.sides().map(|(name, _)| name.to_owned()).collect(),
         scene: scene.fingerprint(),
         sampler: "random".into(),
-        seed: 1,
+        seeds: vec![1],
         render_seconds: 0.0,
+        resume: Some(ResumeInfo {
+            keep,
+            pixel_filter: scene.pixel_filter,
+            max_depth: scene.max_depth,
+            russian_roulette: scene.russian_roulette,
+        }),
     };
-    file.write(&mut output).expect("it can be written");
+    let mut writer = SequenceWriter::create(&mut output, &info).expect("the header");
+    writer.push(&rendering.batch, Some(&rendering.sums)).expect("it can be written");
+    writer.finish().expect("it can be written");
 }
 
-/// Per lane: eight terms, the fold means and the variance, once. At 3840×2160
-/// that is 1.3 GB, whatever the number of samples.
+/// Per lane: eight terms, the fold means and the variance in f32, and the sums
+/// behind them in f64. At 3840×2160 that is 2.3 GB, whatever the number of samples.
 #[test]
 fn a_window_takes_what_it_holds_and_little_more() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell/cornell.obj");
     let scene = Scene { size: SIZE, max_depth: 2, ..Scene::load(&path).expect("the scene") };
-    let numbers = (8 + FOLDS as u64 + 1) * 3 * u64::from(SIZE[0]) * u64::from(SIZE[1]);
-    let held = 4 * numbers;
-    // For the code itself; and for each thread, blocks of sixteen lines (3 MiB
-    // each) that wait to be compressed, or to be written.
+    let lanes = 3 * u64::from(SIZE[0]) * u64::from(SIZE[1]);
+    let sums = FOLDS as u64 + 1;
+    let held = (4 * (8 + sums) + 8 * sums) * lanes;
+    // For the code itself and what each tile refers to; and for each thread, blocks
+    // of sixteen lines (4.5 MiB each) and their state, compressed or about to be.
     let threads = std::thread::available_parallelism().map_or(1, |n| n.get() as u64);
-    let allowed = held + ((16 + 24 * threads) << 20);
+    let allowed = held + ((24 + 40 * threads) << 20);
 
     let before = peak();
     render_and_store(&scene, 8, Keep::Window(8));

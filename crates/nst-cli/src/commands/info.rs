@@ -7,6 +7,7 @@ use nst_render::{
     Scene,
     dataset::{self, DatasetInfo},
     exr_header::{ExrHeader, Part, is_exr},
+    sequence_file::SequenceReader,
 };
 use serde_json::{Value, json};
 
@@ -165,11 +166,13 @@ fn dataset_of_runs(path: &Path) -> Result<Info, Error> {
 fn exr(path: &Path) -> Result<Info, Error> {
     let header = ExrHeader::read(path)?;
     let bytes = std::fs::metadata(path).map(|file| file.len()).unwrap_or_default();
-    let sequence = header.parts.iter().any(|part| part.attributes.contains_key("nst.terms"));
-    let (kind, article) =
-        if sequence { ("sequence", "a sequence") } else { ("picture", "a picture") };
-    let mut lines = vec![format!("{article} (EXR), {bytes} bytes")];
-    let mut parts = Vec::new();
+    let mut info = if header.parts[0].attributes.contains_key("nst.terms") {
+        sequence(path)?
+    } else {
+        Info { json: json!({ "kind": "picture" }), lines: vec!["picture".to_owned()] }
+    };
+    info.lines[0] += &format!(" (EXR), {bytes} bytes");
+    info.json["bytes"] = bytes.into();
     let layers = header.layers();
     for (index, part) in header.parts.iter().enumerate() {
         let layers: Vec<_> = layers.iter().filter(|layer| layer.part == index).collect();
@@ -177,17 +180,17 @@ fn exr(path: &Path) -> Result<Info, Error> {
             .iter()
             .map(|layer| if layer.name.is_empty() { "(main)" } else { &layer.name })
             .collect();
-        lines.extend(part_lines(part));
-        lines.push(format!("layers      {}", list(&names, "none that is a picture")));
+        info.lines.push(part_line(part));
+        info.lines.push(format!("layers      {}", list(&names, "none that is a picture")));
         for (name, value) in &part.attributes {
-            lines.push(format!("attribute   {name} = {value}"));
+            info.lines.push(format!("attribute   {name} = {value}"));
         }
         let channels: Vec<_> = part
             .channels
             .iter()
             .map(|channel| json!({ "name": channel.name, "type": channel.kind }))
             .collect();
-        parts.push(json!({
+        let part = json!({
             "name": part.name,
             "width": part.size[0],
             "height": part.size[1],
@@ -197,12 +200,48 @@ fn exr(path: &Path) -> Result<Info, Error> {
             "layers": layers.iter().map(|layer| &layer.name).collect::<Vec<_>>(),
             "channels": channels,
             "attributes": part.attributes,
-        }));
+        });
+        match &mut info.json["parts"] {
+            Value::Array(parts) => parts.push(part),
+            none => *none = json!([part]),
+        }
     }
-    Ok(Info { json: json!({ "kind": kind, "bytes": bytes, "parts": parts }), lines })
+    Ok(info)
 }
 
-fn part_lines(part: &Part) -> Vec<String> {
+fn sequence(path: &Path) -> Result<Info, Error> {
+    let reader = SequenceReader::open(path)?;
+    let info = reader.info();
+    let seeds: Vec<_> = info.seeds.iter().map(u64::to_string).collect();
+    let lines = vec![
+        "sequence".to_owned(),
+        format!("terms       {}", numbers(&info.sample_counts)),
+        format!("beside them {}", list(&info.sides, "nothing")),
+        format!("scene       {}", or_unknown(&info.scene)),
+        format!("sampler     {}, seed {}", or_unknown(&info.sampler), list(&seeds, "not recorded")),
+        format!(
+            "rendering   {} s, {}",
+            info.render_seconds,
+            if info.resume.is_some() { "can be continued" } else { "cannot be continued" }
+        ),
+    ];
+    let json = json!({
+        "kind": "sequence",
+        "width": info.size[0],
+        "height": info.size[1],
+        "channels": info.model.channels(),
+        "sample_counts": info.sample_counts,
+        "side_channels": info.sides,
+        "scene": info.scene,
+        "sampler": info.sampler,
+        "seeds": info.seeds,
+        "render_seconds": info.render_seconds,
+        "resumable": info.resume.is_some(),
+    });
+    Ok(Info { json, lines })
+}
+
+fn part_line(part: &Part) -> String {
     let ([width, height], [x, y]) = (part.size, part.position);
     let name = part.name.as_ref().map(|name| format!(" '{name}'")).unwrap_or_default();
     let at = if [x, y] == [0, 0] { String::new() } else { format!(" from ({x}, {y})") };
@@ -210,12 +249,12 @@ fn part_lines(part: &Part) -> Vec<String> {
     let mut kinds: Vec<_> = part.channels.iter().map(|channel| channel.kind).collect();
     kinds.sort_unstable();
     kinds.dedup();
-    vec![format!(
+    format!(
         "part{name:8}{width}x{height} pixels{at}, {} channels of {}, {}{deep}",
         part.channels.len(),
         kinds.join(" and "),
         part.storage
-    )]
+    )
 }
 
 /// The built-in networks that were trained on a scene.

@@ -4,6 +4,7 @@ pub(crate) mod info;
 pub(crate) mod merge;
 pub(crate) mod pack;
 pub(crate) mod render;
+mod resume;
 pub(crate) mod transform;
 
 use nst_core::{Estimates, SequenceBatch};

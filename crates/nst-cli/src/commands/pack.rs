@@ -37,7 +37,9 @@ fn check(args: &PackArgs) -> Result<(), Error> {
     }
     let runs = args.kind == PackAs::Runs;
     if runs && (args.channels.is_some() || args.scene.is_some() || args.seed.is_some()) {
-        return wrong("--channels, --scene and --seed are not for --as runs: the sequences have them");
+        return wrong(
+            "--channels, --scene and --seed are not for --as runs: the sequences have them",
+        );
     }
     let extension = if runs { "safetensors" } else { "exr" };
     if !has_extension(&args.output, extension) {
@@ -47,11 +49,9 @@ fn check(args: &PackArgs) -> Result<(), Error> {
         ));
     }
     match &args.spp_list {
-        Some(list) if list.len() != args.files.len() => wrong(&format!(
-            "--spp-list has {} numbers for {} files",
-            list.len(),
-            args.files.len()
-        )),
+        Some(list) if list.len() != args.files.len() => {
+            wrong(&format!("--spp-list has {} numbers for {} files", list.len(), args.files.len()))
+        }
         _ => Ok(()),
     }
 }
@@ -181,9 +181,8 @@ fn samples_of_estimates(
 fn sort(pictures: &mut Vec<Picture>, counts: Vec<u32>) -> Result<Vec<u32>, Error> {
     let mut sorted: Vec<(u32, Picture)> = counts.into_iter().zip(pictures.drain(..)).collect();
     sorted.sort_by_key(|(count, _)| *count);
-    if let Some([(count, first), (_, second)]) =
-        sorted.array_windows().find(|[first, second]| first.0 == second.0)
-    {
+    if let Some(pair) = sorted.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+        let [(count, first), (_, second)] = pair else { unreachable!("a window of two") };
         return Err(Error::Files(format!(
             "'{}' and '{}' both have {count} samples per pixel; the snapshots of one rendering \
              have different numbers (--spp-list gives them)",

@@ -3,20 +3,24 @@
 use indicatif::{ProgressBar, ProgressStyle};
 use nst_core::Estimates;
 use nst_render::{
-    Keep, RenderSettings, Rendering, Scene,
+    Control, Keep, RenderSettings, Rendering, Scene,
     dataset::{DatasetInfo, DatasetWriter},
-    film,
+    film::{self, ColorModel},
     output::OutputFile,
-    render,
-    sequence_file::SequenceFile,
+    render_from,
+    sequence_file::{ResumeInfo, SequenceInfo, SequenceWriter},
 };
 
-use super::{set_threads, write_picture};
+use super::{
+    resume::{self, Start},
+    set_threads, write_picture,
+};
 use crate::{
     args::{IntegratorArg, KeepArg, RenderArgs},
     error::Error,
+    interrupt,
     method::{DEFAULT_WINDOW, Method},
-    summary::{RenderStats, Stopwatch, timed},
+    summary::{LaneCounts, RenderStats, Stopwatch, timed},
 };
 
 pub(crate) fn run(args: &RenderArgs) -> Result<(), Error> {
@@ -29,31 +33,46 @@ pub(crate) fn run(args: &RenderArgs) -> Result<(), Error> {
 
 fn picture(args: &RenderArgs) -> Result<(), Error> {
     let mut watch = Stopwatch::start();
-    let scene = timed(&mut watch.io, || load_scene(args))?;
+    let resumed = timed(&mut watch.io, || args.resume.as_deref().map(resume::open).transpose())?;
+    let stored = resumed.as_ref().map(|resumed| &resumed.info);
+    let scene = timed(&mut watch.io, || load_scene(args, stored))?;
     let exr_path = args.output(&scene.name)?;
     let fingerprint = scene.fingerprint();
-    let method = Method::resolve(&args.method, &fingerprint, args.spp)?;
+    let method = Method::resolve(&args.method, &fingerprint, &[args.spp])?;
     let advice = format!("use --spp {} or more, or --transform none", method.transform.window());
     method.check_terms(args.spp as usize, &advice)?;
+    let settings = match &resumed {
+        None => settings(args, &method),
+        Some(resumed) => resumed.settings(args, &scene, &fingerprint, &method)?,
+    };
 
     // Created now, so that a place that cannot be written to is found out early.
     let mut exr = OutputFile::create(&exr_path)?;
     let mut png = OutputFile::create(&exr_path.with_extension("png"))?;
-    let mut sequence = args.sequence.as_deref().map(OutputFile::create).transpose()?;
+    let sequence_path = args.sequence.as_deref().or(args.resume.as_deref());
+    let mut sequence = sequence_path.map(OutputFile::create).transpose()?;
 
+    let start = timed(&mut watch.io, || resumed.map(resume::Resumed::read).transpose())?;
     let silent = args.common.quiet || args.common.json;
     if !silent {
-        describe(&scene, args.spp);
+        describe(&scene, args.spp, start.as_ref());
     }
-    let keep = match args.keep {
-        KeepArg::All => Keep::All,
-        KeepArg::Window => Keep::Window(method.transform.window().max(DEFAULT_WINDOW) as u32),
-    };
-    let settings = settings(args, keep);
-    let paths = paths(&scene, args.spp);
-    let bar = progress_bar(paths, silent);
-    let Rendering { batch, time } = render(&scene, &settings, &|paths| bar.inc(paths))?;
+    let (done, spent) = start.as_ref().map_or((0, 0.0), |start| (start.samples, start.seconds));
+    let bar = progress_bar(paths(&scene, args.spp - done), silent);
+    interrupt::watch()?;
+    let progress = |paths| bar.inc(paths);
+    let control = Control { progress: &progress, stop: &interrupt::asked };
+    let start = start.map(|start| start.rendering);
+    let Rendering { batch, sums, time } = render_from(start, &scene, &settings, control)?;
     bar.finish_and_clear();
+    let counts = batch.sample_counts().to_vec();
+    let samples = counts[counts.len() - 1];
+    // Another network, or none, may be the one for fewer samples.
+    let method = if samples == args.spp {
+        method
+    } else {
+        Method::resolve(&args.method, &fingerprint, &[samples])?
+    };
 
     let mut estimates = Estimates::default();
     timed(&mut watch.transform, || method.transform.apply(&batch, &mut estimates))?;
@@ -63,15 +82,25 @@ fn picture(args: &RenderArgs) -> Result<(), Error> {
         write_picture(&mut exr, scene.size, &batch, &estimates)?;
         film::write_png(&mut png, scene.size, estimates.values())?;
         if let Some(output) = &mut sequence {
-            let file = SequenceFile {
+            let info = SequenceInfo {
                 size: scene.size,
-                batch,
+                model: ColorModel::Rgb,
+                sample_counts: counts,
+                sides: batch.sides().map(|(name, _)| name.to_owned()).collect(),
                 scene: fingerprint,
                 sampler: settings.sampler.name().to_owned(),
-                seed: args.seed,
-                render_seconds: time.as_secs_f32(),
+                seeds: vec![settings.seed],
+                render_seconds: spent + time.as_secs_f32(),
+                resume: Some(ResumeInfo {
+                    keep: settings.keep,
+                    pixel_filter: scene.pixel_filter,
+                    max_depth: scene.max_depth,
+                    russian_roulette: scene.russian_roulette,
+                }),
             };
-            file.write(output)?;
+            let mut writer = SequenceWriter::create(output, &info)?;
+            writer.push(&batch, Some(&sums))?;
+            writer.finish()?;
         }
         for output in [exr, png].into_iter().chain(sequence) {
             written.push(output.path().display().to_string());
@@ -79,17 +108,30 @@ fn picture(args: &RenderArgs) -> Result<(), Error> {
         }
         Ok(())
     })?;
-    watch
-        .summary(Some(RenderStats { time, paths }), &method, &estimates, written)
-        .print(&args.common);
-    Ok(())
+    let mut lanes = LaneCounts::default();
+    lanes.add(&estimates);
+    let stats = RenderStats { time, paths: paths(&scene, samples - done) };
+    watch.summary(Some(stats), &method, lanes, written).print(&args.common);
+    if samples == args.spp {
+        return Ok(());
+    }
+    let how = match sequence_path {
+        Some(path) => format!("; --resume {} goes on from there", path.display()),
+        None => String::new(),
+    };
+    Err(Error::Interrupted(format!("{samples} of {} spp are in the files{how}", args.spp)))
 }
 
 /// Renders `runs` times with all terms kept, straight to a file.
 fn dataset(args: &RenderArgs, runs: u32) -> Result<(), Error> {
-    let scene = load_scene(args)?;
+    let scene = load_scene(args, None)?;
     let path = args.output(&scene.name)?;
-    let settings = settings(args, Keep::All);
+    let settings = RenderSettings {
+        spp: args.spp,
+        sampler: args.sampler.map_or_else(Default::default, Into::into),
+        seed: args.seed.unwrap_or_default(),
+        keep: Keep::All,
+    };
     let info = DatasetInfo {
         size: scene.size,
         channels: 3,
@@ -97,46 +139,78 @@ fn dataset(args: &RenderArgs, runs: u32) -> Result<(), Error> {
         sample_counts: (1..=args.spp).collect(),
         scene: scene.fingerprint(),
         sampler: settings.sampler.name().to_owned(),
-        first_seed: Some(args.seed),
+        first_seed: Some(settings.seed),
     };
     let mut writer = DatasetWriter::new(OutputFile::create(&path)?, info)?;
     let silent = args.common.quiet || args.common.json;
     if !silent {
-        describe(&scene, args.spp);
+        describe(&scene, args.spp, None);
     }
     let bar = progress_bar(paths(&scene, args.spp) * u64::from(runs), silent);
-    for run in 0..u64::from(runs) {
-        let settings = RenderSettings { seed: args.seed.wrapping_add(run), ..settings };
-        writer.push(&render(&scene, &settings, &|paths| bar.inc(paths))?.batch)?;
+    interrupt::watch()?;
+    let progress = |paths| bar.inc(paths);
+    let control = Control { progress: &progress, stop: &interrupt::asked };
+    let mut done = 0;
+    for run in 0..runs {
+        let seed = settings.seed.wrapping_add(u64::from(run));
+        let rendering = render_from(None, &scene, &RenderSettings { seed, ..settings }, control)?;
+        // A run that Ctrl-C has cut short is left out.
+        if rendering.batch.sample_counts().len() < args.spp as usize {
+            break;
+        }
+        writer.push(&rendering.batch)?;
+        done += 1;
+        if interrupt::asked() {
+            break;
+        }
     }
     bar.finish_and_clear();
+    if done == 0 {
+        return Err(Error::Interrupted("no run was complete, nothing is written".into()));
+    }
     writer.finish()?;
     if !silent {
-        println!("wrote      {} ({runs} runs)", path.display());
+        println!("wrote      {} ({done} runs)", path.display());
+    }
+    if done < runs {
+        let message = format!("{done} of {runs} runs are in '{}'", path.display());
+        return Err(Error::Interrupted(message));
     }
     Ok(())
 }
 
-fn settings(args: &RenderArgs, keep: Keep) -> RenderSettings {
-    RenderSettings { spp: args.spp, sampler: args.sampler.into(), seed: args.seed, keep }
+fn settings(args: &RenderArgs, method: &Method) -> RenderSettings {
+    let window = method.transform.window().max(DEFAULT_WINDOW) as u32;
+    RenderSettings {
+        spp: args.spp,
+        sampler: args.sampler.map_or_else(Default::default, Into::into),
+        seed: args.seed.unwrap_or_default(),
+        keep: match args.keep {
+            Some(KeepArg::All) => Keep::All,
+            Some(KeepArg::Pow2) => Keep::Pow2(window),
+            Some(KeepArg::Window) | None => Keep::Window(window),
+        },
+    }
 }
 
 fn paths(scene: &Scene, spp: u32) -> u64 {
     u64::from(scene.size[0]) * u64::from(scene.size[1]) * u64::from(spp)
 }
 
-fn load_scene(args: &RenderArgs) -> Result<Scene, Error> {
+/// Loads the scene; a stored sequence stands in for options that are not given.
+fn load_scene(args: &RenderArgs, stored: Option<&SequenceInfo>) -> Result<Scene, Error> {
     let mut scene = Scene::load(&args.scene)?;
-    scene.size = args.size.unwrap_or(scene.size);
-    scene.max_depth = match args.integrator {
-        Some(IntegratorArg::Direct) => 2,
-        _ => args.max_depth.unwrap_or(scene.max_depth),
-    };
-    scene.pixel_filter = args.pixel.into();
+    let how = stored.and_then(|info| info.resume);
+    scene.size = args.size.or(stored.map(|info| info.size)).unwrap_or(scene.size);
+    let direct = matches!(args.integrator, Some(IntegratorArg::Direct)).then_some(2);
+    let depth = direct.or(args.max_depth).or(how.map(|how| how.max_depth));
+    scene.max_depth = depth.unwrap_or(scene.max_depth);
+    let filter = args.pixel.map(Into::into).or(how.map(|how| how.pixel_filter));
+    scene.pixel_filter = filter.unwrap_or_default();
     Ok(scene)
 }
 
-fn describe(scene: &Scene, spp: u32) {
+fn describe(scene: &Scene, spp: u32, start: Option<&Start>) {
     let lights = scene.triangles.iter().filter(|t| scene.materials[t.material as usize].emits());
     println!(
         "scene      {}: {} triangles, {} of them lights, {} materials",
@@ -150,6 +224,9 @@ fn describe(scene: &Scene, spp: u32) {
     }
     let [width, height] = scene.size;
     println!("film       {width}x{height}, {spp} spp, paths of up to {} vertices", scene.max_depth);
+    if let Some(start) = start {
+        println!("resumed    from {} spp", start.samples);
+    }
 }
 
 /// A bar on a terminal, nothing in a pipe.

@@ -1,0 +1,135 @@
+//! The f64 sums of a rendering as pairs of UINT channels, without loss.
+//!
+//! A sum is a layer of its own: `state.fold0` … `state.fold3` and `state.squares`.
+//! `lo` holds the lower 32 bits of the number. Its upper 32 bits are almost what the
+//! fold mean or the variance in the same file predicts, so that `hi` holds the
+//! difference (mod 2³²) to them: mostly zeros, which hardly take up space.
+
+use exr::prelude::SampleType;
+
+use crate::{
+    exr_rows::Channel,
+    film::{ColorModel, channel_name},
+    sums::{FOLDS, Sums, fold_count, total},
+};
+
+/// The folds and the squares.
+pub(super) const SUMS: usize = FOLDS + 1;
+
+/// The UINT channels: for each sum `hi` and `lo`, each with the channels of `model`.
+pub(super) fn channels(model: ColorModel) -> Vec<Channel> {
+    let folds = (0..FOLDS).map(|fold| format!("state.fold{fold}"));
+    folds
+        .chain(["state.squares".to_owned()])
+        .flat_map(|sum| [format!("{sum}.hi"), format!("{sum}.lo")])
+        .flat_map(|layer| {
+            model
+                .channels()
+                .iter()
+                .map(move |channel| (channel_name(&layer, channel), SampleType::U32))
+        })
+        .collect()
+}
+
+/// What a file of n samples says of one lane.
+#[derive(Clone, Copy)]
+pub(super) struct Known {
+    pub(super) n: u32,
+    /// The fold means; zeros if there are none.
+    pub(super) means: [f32; FOLDS],
+    /// The variance of S_n; zero if there is none.
+    pub(super) variance: f32,
+}
+
+impl Known {
+    fn fold(&self, fold: usize) -> f64 {
+        predictable(f64::from(self.means[fold]) * fold_count(fold, self.n))
+    }
+
+    /// Σy² = Var[S_n] n (n − 1) + (Σy)²/n.
+    fn squares(&self, folds: [f64; FOLDS]) -> f64 {
+        let (n, sum) = (f64::from(self.n), total(folds));
+        predictable(f64::from(self.variance) * n * (n - 1.0) + sum * sum / n)
+    }
+
+    /// The `hi` and `lo` of the folds, then of the squares.
+    pub(super) fn split(&self, folds: [f64; FOLDS], squares: f64) -> [[u32; 2]; SUMS] {
+        let mut words = [[0; 2]; SUMS];
+        for fold in 0..FOLDS {
+            words[fold] = split(folds[fold], self.fold(fold));
+        }
+        words[FOLDS] = split(squares, self.squares(folds));
+        words
+    }
+
+    /// Undoes [`Known::split`].
+    pub(super) fn join(&self, words: [[u32; 2]; SUMS]) -> ([f64; FOLDS], f64) {
+        let folds = std::array::from_fn(|fold| join(words[fold], self.fold(fold)));
+        (folds, join(words[FOLDS], self.squares(folds)))
+    }
+}
+
+/// A NaN's bits may differ from machine to machine; they predict nothing.
+fn predictable(prediction: f64) -> f64 {
+    if prediction.is_nan() { 0.0 } else { prediction }
+}
+
+fn upper(number: f64) -> u32 {
+    (number.to_bits() >> 32) as u32
+}
+
+fn split(number: f64, prediction: f64) -> [u32; 2] {
+    [upper(number).wrapping_sub(upper(prediction)), number.to_bits() as u32]
+}
+
+fn join([hi, lo]: [u32; 2], prediction: f64) -> f64 {
+    let upper = hi.wrapping_add(upper(prediction));
+    f64::from_bits(u64::from(upper) << 32 | u64::from(lo))
+}
+
+/// One lane of some sums.
+pub(super) fn lane(sums: &Sums, lane: usize) -> ([f64; FOLDS], f64) {
+    (std::array::from_fn(|fold| sums.folds[fold][lane]), sums.squares[lane])
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// Whatever the bits are, and whatever the file says beside them.
+        #[test]
+        fn no_bit_is_lost(
+            n in 1..u32::MAX,
+            bits in prop::array::uniform5(any::<u64>()),
+            known in prop::array::uniform5(any::<u32>()),
+        ) {
+            let [a, b, c, d, squares] = bits.map(f64::from_bits);
+            let [e, f, g, h, variance] = known.map(f32::from_bits);
+            let known = Known { n, means: [e, f, g, h], variance };
+            let (folds, again) = known.join(known.split([a, b, c, d], squares));
+            let again = [folds[0], folds[1], folds[2], folds[3], again].map(f64::to_bits);
+            prop_assert_eq!(again, bits);
+        }
+
+        /// The prediction is off by a carry at most.
+        #[test]
+        fn upper_words_are_predicted(samples in prop::collection::vec(0.0..100.0_f32, 8..40)) {
+            let mut folds = [0.0; FOLDS];
+            let mut squares = 0.0;
+            for (i, y) in samples.iter().map(|&y| f64::from(y)).enumerate() {
+                folds[i % FOLDS] += y;
+                squares += y * y;
+            }
+            let n = samples.len() as u32;
+            let sums = Sums { folds: folds.map(|sum| vec![sum]), squares: vec![squares] };
+            let means = std::array::from_fn(|f| (folds[f] / fold_count(f, n)) as f32);
+            let known = Known { n, means, variance: sums.variance(n)[0] };
+            for [hi, _] in known.split(folds, squares) {
+                prop_assert!(hi.wrapping_add(1) <= 2, "{hi}");
+            }
+        }
+    }
+}

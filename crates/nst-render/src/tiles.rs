@@ -1,0 +1,119 @@
+//! The picture in tiles: what threads work on, and how its numbers lie meanwhile.
+
+use rayon::prelude::*;
+
+/// Pixels along the side of a tile, the unit of work.
+const TILE: u32 = 16;
+
+/// A rectangle of pixels.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tile {
+    pub(crate) x: u32,
+    pub(crate) y: u32,
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+}
+
+impl Tile {
+    pub(crate) fn pixels(&self) -> usize {
+        (self.width * self.height) as usize
+    }
+
+    /// The coordinates of a pixel of the tile, which are counted row by row.
+    pub(crate) fn pixel(&self, i: usize) -> (u32, u32) {
+        (self.x + i as u32 % self.width, self.y + i as u32 / self.width)
+    }
+}
+
+/// The tiles of a picture: rows of tiles from the top.
+pub(crate) fn tiles([width, height]: [u32; 2]) -> impl Iterator<Item = Tile> {
+    let starts = |length: u32| (0..length).step_by(TILE as usize);
+    starts(height).flat_map(move |y| {
+        starts(width).map(move |x| Tile {
+            x,
+            y,
+            width: TILE.min(width - x),
+            height: TILE.min(height - y),
+        })
+    })
+}
+
+/// Splits images in the order of tiles into the parts of each tile, `[tile][image]`.
+pub(crate) fn split<'a, T>(
+    images: impl Iterator<Item = &'a mut [T]>,
+    size: [u32; 2],
+) -> Vec<Vec<&'a mut [T]>> {
+    let mut parts: Vec<Vec<&mut [T]>> = tiles(size).map(|_| Vec::new()).collect();
+    for mut rest in images {
+        for (tile, parts) in tiles(size).zip(&mut parts) {
+            let (part, others) = rest.split_at_mut(tile.pixels());
+            parts.push(part);
+            rest = others;
+        }
+    }
+    parts
+}
+
+/// Turns images whose rows follow each other into images whose tiles do, in place.
+pub(crate) fn to_tiles<T: Copy + Send>(images: &mut [T], size: [u32; 2]) {
+    reorder(images, size, |tiled, row| (tiled, row));
+}
+
+/// Undoes [`to_tiles`].
+pub(crate) fn to_rows<T: Copy + Send>(images: &mut [T], size: [u32; 2]) {
+    reorder(images, size, |tiled, row| (row, tiled));
+}
+
+/// Moves each row of each tile; `places` maps where it is in the order of tiles and
+/// in that of rows to (to, from). A row of tiles is a row of tiles in either order.
+fn reorder<T: Copy + Send>(
+    images: &mut [T],
+    [width, height]: [u32; 2],
+    places: impl Fn(usize, usize) -> (usize, usize) + Sync,
+) {
+    let (width, pixels) = (width as usize, width as usize * height as usize);
+    images.par_chunks_exact_mut(pixels).for_each(|image| {
+        let mut old = Vec::new();
+        for band in image.chunks_mut(TILE as usize * width) {
+            old.clear();
+            old.extend_from_slice(band);
+            let mut tiled = 0;
+            for x in (0..width).step_by(TILE as usize) {
+                let length = width.min(x + TILE as usize) - x;
+                for y in 0..band.len() / width {
+                    let (to, from) = places(tiled, y * width + x);
+                    band[to..to + length].copy_from_slice(&old[from..from + length]);
+                    tiled += length;
+                }
+            }
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pixels_are_where_their_tile_says() {
+        for size in [[1, 1], [16, 16], [40, 21], [7, 33]] {
+            let pixels = size[0] as usize * size[1] as usize;
+            // Two images of their own pixels' numbers.
+            let rows: Vec<usize> = (0..pixels).chain(0..pixels).collect();
+            let mut images = rows.clone();
+            to_tiles(&mut images, size);
+            let parts = split(images.chunks_exact_mut(pixels), size);
+            assert_eq!(parts.len(), tiles(size).count());
+            for (tile, parts) in tiles(size).zip(parts) {
+                let numbers = (0..tile.pixels()).map(|i| {
+                    let (x, y) = tile.pixel(i);
+                    (y * size[0] + x) as usize
+                });
+                let numbers: Vec<usize> = numbers.collect();
+                assert!(parts.iter().all(|part| **part == numbers));
+            }
+            to_rows(&mut images, size);
+            assert_eq!(images, rows);
+        }
+    }
+}
