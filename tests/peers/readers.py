@@ -25,10 +25,14 @@ def read_oiio(path: Path) -> tuple[Channels, oiio.ImageSpec]:
     file = oiio.ImageInput.open(str(path))
     assert file is not None, oiio.geterror()
     spec = file.spec()
-    pixels = file.read_image(0, 0, 0, spec.nchannels, "unknown")
-    assert pixels is not None, file.geterror()
+    channels = {}
+    for i, name in enumerate(spec.channelnames):
+        # One by one, or channels of different types would all become floats.
+        pixels = file.read_image(0, 0, i, i + 1, spec.channelformat(i))
+        assert pixels is not None, file.geterror()
+        channels[name] = np.ascontiguousarray(pixels[:, :, 0])
     file.close()
-    return {name: pixels[:, :, i] for i, name in enumerate(spec.channelnames)}, spec
+    return channels, spec
 
 
 def same_bits(a: np.ndarray, b: np.ndarray) -> bool:
@@ -48,5 +52,6 @@ def read_dataset(path: Path) -> tuple[np.ndarray, dict[str, str]]:
 def write_openexr(path: Path, channels: Channels, **header: object) -> None:
     """Writes a file of one part with OpenEXR's Python module."""
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | header
-    with OpenEXR.File(header, channels) as file:
+    # The module replaces the values of the dictionary.
+    with OpenEXR.File(header, dict(channels)) as file:
         file.write(str(path))

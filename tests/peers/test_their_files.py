@@ -180,7 +180,7 @@ def test_the_documented_example(nst_binary: Path, tmp_path: Path) -> None:
         cwd=tmp_path, capture_output=True, text=True, check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert "16 of 128x128 pixels" in done.stdout, done.stdout
+    assert "16 of 64x64 pixels" in done.stdout, done.stdout
     assert "relMSE" in done.stdout, done.stdout
     header = read_openexr(tmp_path / "box.exr")[1]
     assert header["nst.terms"] == ",".join(str(k) for k in range(1, 17))

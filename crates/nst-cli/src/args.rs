@@ -144,7 +144,7 @@ pub(crate) enum PackAs {
 #[derive(Debug, clap::Args)]
 pub(crate) struct MergeArgs {
     /// Sequence files that agree in size, scene, sampler and terms.
-    #[arg(value_name = "EXR", num_args = 2.., required = true)]
+    #[arg(value_name = "EXR", required = true)]
     pub(crate) files: Vec<PathBuf>,
     /// Sequence to write.
     #[arg(short, long, value_name = "EXR", value_parser = exr_path)]
@@ -172,7 +172,7 @@ pub(crate) struct InfoArgs {
 #[derive(Debug, clap::Args)]
 pub(crate) struct CompareArgs {
     /// EXR pictures of any program, of one size; the last is the reference.
-    #[arg(value_name = "EXR", num_args = 2.., required = true)]
+    #[arg(value_name = "EXR", required = true)]
     pub(crate) files: Vec<PathBuf>,
     /// Layer of the pictures to compare, such as S. The reference's main picture is
     /// always taken. [default: the main picture]

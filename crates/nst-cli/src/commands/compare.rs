@@ -53,11 +53,12 @@ struct Map {
 
 pub(crate) fn run(args: &CompareArgs) -> Result<(), Error> {
     set_threads(&args.common)?;
-    let Some((reference_path, paths)) = args.files.split_last() else {
-        unreachable!("the command line asks for two files")
+    let Some((reference_path, pictures @ [_, ..])) = args.files.split_last() else {
+        let message = "nothing to compare; name one or more pictures, and then the reference";
+        return Err(Error::Usage(message.into()));
     };
     let reference = Picture::open(reference_path, None)?;
-    let runs = paths
+    let runs = pictures
         .iter()
         .map(|path| Picture::open(path, args.layer.as_deref()))
         .collect::<Result<Vec<_>, _>>()?;

@@ -8,6 +8,9 @@ use crate::{args::MergeArgs, error::Error};
 
 pub(crate) fn run(args: &MergeArgs) -> Result<(), Error> {
     set_threads(&args.common)?;
+    if args.files.len() < 2 {
+        return Err(Error::Usage("one sequence alone cannot be merged; name two or more".into()));
+    }
     let merge = Merge::open(&args.files)?;
     let info = merge.info().clone();
     let mut output = OutputFile::create(&args.output)?;

@@ -55,12 +55,13 @@ impl SequenceReader {
                 "attribute 'nst.terms': sample counts must start at 1 or above and increase";
             return Err(Error::image(path, message));
         }
-        // Samples of another program may have no seed.
-        let seeds = match header.text("nst.seed")?.as_str() {
-            "" => Vec::new(),
-            _ => header.numbers("nst.seed")?,
+        // Samples of another program may have none of these.
+        let seeds = match header.optional("nst.seed")? {
+            Some(_) => header.numbers("nst.seed")?,
+            None => Vec::new(),
         };
-        let (scene, sampler) = (header.text("nst.scene")?, header.text("nst.sampler")?);
+        let scene = header.optional("nst.scene")?.unwrap_or_default();
+        let sampler = header.optional("nst.sampler")?.unwrap_or_default();
         let render_seconds = match rows.attribute("renderTimeSeconds") {
             Some(Attribute::F32(seconds)) => seconds,
             _ => 0.0,
