@@ -43,6 +43,9 @@ impl Merge {
         let Some((&first, others)) = infos.split_first() else {
             return Err(Error::Settings("no sequences to merge".into()));
         };
+        for &of_file in &infos {
+            check_mergeable(of_file)?;
+        }
         for &other in others {
             check_alike(first, other)?;
         }
@@ -165,19 +168,23 @@ fn check_alike((first_path, first): Named<'_>, (path, info): Named<'_>) -> Resul
     Ok(())
 }
 
+fn check_mergeable((path, info): Named<'_>) -> Result<(), Error> {
+    let known = |name: &String| name == VARIANCE || (0..FOLDS).any(|i| fold_name(i) == *name);
+    if let Some(name) = info.sides.iter().find(|&name| !known(name)) {
+        let message = format!("side channel '{name}': it is not known how to merge it");
+        return Err(Error::image(path, message));
+    }
+    if info.seeds.is_empty() {
+        let message = "it has no seed (nst.seed), so nothing tells whether it is independent of the \
+             others; give different ones with 'nst pack --seed'";
+        return Err(Error::image(path, message));
+    }
+    Ok(())
+}
+
 fn check_seeds(infos: &[Named<'_>]) -> Result<(), Error> {
     let mut seen = BTreeMap::<u64, &Path>::new();
     for (path, info) in infos {
-        let known = |name: &String| name == VARIANCE || (0..FOLDS).any(|i| fold_name(i) == *name);
-        if let Some(name) = info.sides.iter().find(|&name| !known(name)) {
-            let message = format!("side channel '{name}': it is not known how to merge it");
-            return Err(Error::image(path, message));
-        }
-        if info.seeds.is_empty() {
-            let message = "it has no seed (nst.seed), so nothing tells whether it is independent of \
-                 the others; give different ones with 'nst pack --seed'";
-            return Err(Error::image(path, message));
-        }
         for &seed in &info.seeds {
             if let Some(other) = seen.insert(seed, path) {
                 let message = format!(
