@@ -8,7 +8,7 @@ use crate::Keep;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slots {
     powers: usize,
-    ring: usize,
+    ring: u32,
 }
 
 impl Slots {
@@ -18,19 +18,19 @@ impl Slots {
             Keep::Window(length) | Keep::Pow2(length) => length.clamp(1, samples),
         };
         let powers = if matches!(keep, Keep::Pow2(_)) { samples.ilog2() + 1 } else { 0 };
-        Self { powers: powers as usize, ring: ring as usize }
+        Self { powers: powers as usize, ring }
     }
 
     pub(crate) fn count(&self) -> usize {
-        self.powers + self.ring
+        self.powers + self.ring as usize
     }
 
     /// The slots of S_n, of which there may be two, in a pass that ends with S_`end`;
     /// none if the ring would lose the term before then.
     pub(crate) fn of(&self, n: u32, end: u32) -> impl Iterator<Item = usize> + use<> {
         let power = (self.powers > 0 && n.is_power_of_two()).then(|| n.ilog2() as usize);
-        let lasts = n as usize + self.ring > end as usize;
-        let ring = lasts.then_some(self.powers + (n as usize - 1) % self.ring);
+        let lasts = end - n < self.ring;
+        let ring = lasts.then(|| self.powers + ((n - 1) % self.ring) as usize);
         power.into_iter().chain(ring)
     }
 
@@ -38,10 +38,10 @@ impl Slots {
     /// drops the others. A slot is `plane` numbers long.
     pub(crate) fn sort(&self, terms: &mut Vec<f32>, plane: usize, n: u32) {
         let ring = &mut terms[self.powers * plane..];
-        if n as usize >= self.ring {
-            ring.rotate_left(n as usize % self.ring * plane);
+        if n >= self.ring {
+            ring.rotate_left((n % self.ring) as usize * plane);
         }
-        let last = self.powers + self.ring.min(n as usize);
+        let last = self.powers + self.ring.min(n) as usize;
         terms.truncate(last * plane);
         // Powers of two that the window holds as well.
         terms.drain(self.early(n) * plane..self.powers * plane);
@@ -56,7 +56,7 @@ impl Slots {
 
     /// The first term of the ring after n samples.
     fn window(&self, n: u32) -> u32 {
-        n.saturating_sub(self.ring as u32 - 1).max(1)
+        n.saturating_sub(self.ring - 1).max(1)
     }
 
     /// How many powers of two lie before the ring.

@@ -45,5 +45,5 @@ pub use render::{
 };
 pub use sampler::{SampleStream, Sampler, SamplerKind};
 pub use scene::{Environment, Scene, Triangle};
-pub use sums::{FOLDS, Sums};
+pub use sums::{FOLDS, LaneSums};
 pub use texture::Texture;

@@ -12,11 +12,11 @@ use nst_core::SequenceBatch;
 use rayon::prelude::*;
 
 use crate::{
-    Error, FOLDS, PixelFilter, Sampler, SamplerKind, Scene, Sums,
+    Error, FOLDS, LaneSums, PixelFilter, Sampler, SamplerKind, Scene,
     camera::Projection,
     kept::Slots,
     path::PathTracer,
-    sums::{fold_count, total},
+    sums::fold_count,
     tiles::{self, Tile},
 };
 
@@ -59,8 +59,8 @@ pub struct Rendering {
     /// The kept terms, the fold means (where spp ≥ [`FOLDS`]) and the variance of
     /// S_N (where spp ≥ 2); three planar channels of lanes.
     pub batch: SequenceBatch,
-    /// What the rendering can be continued from.
-    pub sums: Sums,
+    /// What the rendering can be continued from, `[lane]`.
+    pub sums: Vec<LaneSums>,
     /// How long it took, the acceleration structure included.
     pub time: Duration,
 }
@@ -157,15 +157,15 @@ struct Accumulated {
     samples: u32,
     /// `[slot][channel][pixel]`
     terms: Vec<f32>,
-    /// `[channel][pixel]` each
-    sums: Sums,
+    /// `[channel][pixel]`
+    sums: Vec<LaneSums>,
 }
 
 impl Accumulated {
     fn new(slots: Slots, size: [u32; 2]) -> Self {
         let lanes = CHANNELS * size[0] as usize * size[1] as usize;
         let terms = vec![0.0; slots.count() * lanes];
-        Self { size, slots, samples: 0, terms, sums: Sums::zero(lanes) }
+        Self { size, slots, samples: 0, terms, sums: vec![LaneSums::default(); lanes] }
     }
 
     /// Puts an earlier rendering's numbers in their places.
@@ -175,7 +175,7 @@ impl Accumulated {
         let samples = counts[counts.len() - 1];
         let lanes = CHANNELS * size[0] as usize * size[1] as usize;
         let fits = batch.lanes() == lanes
-            && sums.planes().all(|plane| plane.len() == lanes)
+            && sums.len() == lanes
             && samples < settings.spp
             && counts == Slots::new(settings.keep, samples).sample_counts(samples);
         if !fits {
@@ -195,15 +195,14 @@ impl Accumulated {
         }
         drop(batch);
         tiles::to_tiles(&mut terms, size);
-        sums.planes_mut().for_each(|plane| tiles::to_tiles(plane, size));
+        tiles::to_tiles(&mut sums, size);
         Ok(Self { size, slots, samples, terms, sums })
     }
 
     /// The numbers of each tile.
     fn tiles(&mut self) -> Vec<(Tile, Recorded<'_>)> {
         let pixels = self.size[0] as usize * self.size[1] as usize;
-        let sums = self.sums.planes_mut().flat_map(|plane| plane.chunks_exact_mut(pixels));
-        let sums = tiles::split(sums, self.size);
+        let sums = tiles::split(self.sums.chunks_exact_mut(pixels), self.size);
         let terms = tiles::split(self.terms.chunks_exact_mut(pixels), self.size);
         tiles::tiles(self.size)
             .zip(sums.into_iter().zip(terms))
@@ -211,24 +210,26 @@ impl Accumulated {
             .collect()
     }
 
-    fn finish(self) -> Result<(SequenceBatch, Sums), Error> {
+    fn finish(self) -> Result<(SequenceBatch, Vec<LaneSums>), Error> {
         let Self { size, slots, samples, mut terms, mut sums } = self;
-        let lanes = sums.squares.len();
+        let lanes = sums.len();
         slots.sort(&mut terms, lanes, samples);
         tiles::to_rows(&mut terms, size);
-        sums.planes_mut().for_each(|plane| tiles::to_rows(plane, size));
+        tiles::to_rows(&mut sums, size);
         let terms = Array2::from_shape_vec((terms.len() / lanes, lanes), terms)
             .map_err(|error| Error::Settings(error.to_string()))?;
         let mut batch = SequenceBatch::new(terms, slots.sample_counts(samples))?;
         if samples as usize >= FOLDS {
-            for (fold, values) in sums.folds.iter().enumerate() {
+            for fold in 0..FOLDS {
                 let count = fold_count(fold, samples);
-                let means = values.iter().map(|sum| (sum / count) as f32).collect();
+                let mean = |lane: &LaneSums| (lane.folds[fold] / count) as f32;
+                let means = sums.par_iter().map(mean).collect();
                 batch.set_side(&fold_name(fold), means)?;
             }
         }
         if samples >= 2 {
-            batch.set_side(VARIANCE, sums.variance(samples))?;
+            batch
+                .set_side(VARIANCE, sums.par_iter().map(|lane| lane.variance(samples)).collect())?;
         }
         Ok((batch, sums))
     }
@@ -236,8 +237,8 @@ impl Accumulated {
 
 /// A tile's part of [`Accumulated`].
 struct Recorded<'a> {
-    /// `[fold, or squares][channel][pixel]`
-    sums: Vec<&'a mut [f64]>,
+    /// `[channel][pixel]`
+    sums: Vec<&'a mut [LaneSums]>,
     /// `[slot][channel][pixel]`
     terms: Vec<&'a mut [f32]>,
 }
@@ -247,17 +248,14 @@ impl Recorded<'_> {
     /// f64: the differences between late terms are far below their size.
     #[inline]
     fn add(&mut self, slots: Slots, pixel: usize, index: u32, rgb: [f64; CHANNELS], end: u32) {
-        let fold = index as usize % FOLDS;
-        for (channel, sample) in rgb.into_iter().enumerate() {
-            self.sums[fold * CHANNELS + channel][pixel] += sample;
-            self.sums[FOLDS * CHANNELS + channel][pixel] += sample * sample;
+        for (lanes, sample) in self.sums.iter_mut().zip(rgb) {
+            lanes[pixel].add(index, sample);
         }
         let n = index + 1;
         for slot in slots.of(n, end) {
-            for channel in 0..CHANNELS {
-                let folds = [0, 1, 2, 3].map(|fold| self.sums[fold * CHANNELS + channel][pixel]);
-                let mean = total(folds) / f64::from(n);
-                self.terms[slot * CHANNELS + channel][pixel] = mean as f32;
+            let terms = self.terms[slot * CHANNELS..].iter_mut();
+            for (term, sums) in terms.zip(&self.sums) {
+                term[pixel] = (sums[pixel].total() / f64::from(n)) as f32;
             }
         }
     }

@@ -13,7 +13,7 @@ use ndarray::Array2;
 use nst_core::SequenceBatch;
 
 use crate::{
-    Error, Keep, PixelFilter, Sums, exr_rows::Channel, film::ColorModel, output::OutputFile,
+    Error, Keep, LaneSums, PixelFilter, exr_rows::Channel, film::ColorModel, output::OutputFile,
 };
 
 pub use reader::SequenceReader;
@@ -89,7 +89,7 @@ pub struct SequenceFile {
     /// Planar lanes.
     pub batch: SequenceBatch,
     /// What the rendering can be continued from, if [`SequenceInfo::resume`] says how.
-    pub sums: Option<Sums>,
+    pub sums: Option<Vec<LaneSums>>,
 }
 
 impl SequenceFile {
@@ -100,7 +100,7 @@ impl SequenceFile {
     /// do not fit together.
     pub fn write(&self, output: &mut OutputFile) -> Result<(), Error> {
         let mut writer = SequenceWriter::create(output, &self.info)?;
-        writer.push(&self.batch, self.sums.as_ref())?;
+        writer.push(&self.batch, self.sums.as_deref())?;
         writer.finish()
     }
 
@@ -115,7 +115,7 @@ impl SequenceFile {
         let lanes = info.model.channels().len() * pixels;
         let mut terms = vec![0.0; info.sample_counts.len() * lanes];
         let mut sides = vec![vec![0.0; lanes]; info.sides.len()];
-        let mut sums = info.resume.map(|_| Sums::zero(lanes));
+        let mut sums = info.resume.map(|_| vec![LaneSums::default(); lanes]);
         let mut first = 0;
         while !reader.is_done() {
             let (strip, strip_sums) = reader.read_with_sums(reader.strip_rows())?;
@@ -127,9 +127,7 @@ impl SequenceFile {
                 place(side, pixels, first, values, part);
             }
             if let (Some(sums), Some(strip_sums)) = (&mut sums, &strip_sums) {
-                for (whole, values) in sums.planes_mut().zip(strip_sums.planes()) {
-                    place(whole, pixels, first, values, part);
-                }
+                place(sums, pixels, first, strip_sums, part);
             }
             first += part;
         }

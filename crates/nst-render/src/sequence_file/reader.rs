@@ -15,7 +15,7 @@ use super::{
     writer::{KnownLanes, parse_keep},
 };
 use crate::{
-    Error, PixelFilter, Sums,
+    Error, LaneSums, PixelFilter,
     exr_rows::{Attribute, BLOCK_ROWS, RowReader, Rows},
     film::{ColorModel, channel_name},
 };
@@ -63,7 +63,7 @@ impl SequenceReader {
         let scene = header.optional("nst.scene")?.unwrap_or_default();
         let sampler = header.optional("nst.sampler")?.unwrap_or_default();
         let render_seconds = match rows.attribute("renderTimeSeconds") {
-            Some(Attribute::F32(seconds)) => seconds,
+            Some(Attribute::F32(seconds)) if seconds.is_finite() && seconds > 0.0 => seconds,
             _ => 0.0,
         };
         let resume = header.resume()?;
@@ -165,7 +165,7 @@ impl SequenceReader {
     pub(super) fn read_with_sums(
         &mut self,
         rows: u32,
-    ) -> Result<(SequenceBatch, Option<Sums>), Error> {
+    ) -> Result<(SequenceBatch, Option<Vec<LaneSums>>), Error> {
         let rows = self.next(rows)?;
         let batch = self.batch(&rows)?;
         let sums = (!self.state.is_empty()).then(|| self.sums(&rows, &batch));
@@ -204,7 +204,7 @@ impl SequenceReader {
         Ok(batch)
     }
 
-    fn sums(&self, rows: &Rows, batch: &SequenceBatch) -> Sums {
+    fn sums(&self, rows: &Rows, batch: &SequenceBatch) -> Vec<LaneSums> {
         let pixels = rows.pixels();
         // `[sum][word][lane]`
         let mut words = vec![0_u32; self.state.len() * pixels];
@@ -214,17 +214,11 @@ impl SequenceReader {
             .for_each(|(image, &channel)| rows.copy(channel, bytemuck::cast_slice_mut(image)));
         let lanes = batch.lanes();
         let known = KnownLanes::new(batch);
-        let mut sums = Sums::zero(lanes);
-        for lane in 0..lanes {
+        let joined = (0..lanes).into_par_iter().map(|lane| {
             let word = |sum: usize, word: usize| words[(2 * sum + word) * lanes + lane];
-            let words = std::array::from_fn(|sum| [word(sum, 0), word(sum, 1)]);
-            let (folds, squares) = known.lane(lane).join(words);
-            for (plane, sum) in sums.folds.iter_mut().zip(folds) {
-                plane[lane] = sum;
-            }
-            sums.squares[lane] = squares;
-        }
-        sums
+            known.lane(lane).join(std::array::from_fn(|sum| [word(sum, 0), word(sum, 1)]))
+        });
+        joined.collect()
     }
 }
 

@@ -10,7 +10,7 @@ use exr::prelude::SampleType;
 use crate::{
     exr_rows::Channel,
     film::{ColorModel, channel_name},
-    sums::{FOLDS, Sums, fold_count, total},
+    sums::{FOLDS, LaneSums, fold_count},
 };
 
 /// The folds and the squares.
@@ -47,25 +47,25 @@ impl Known {
     }
 
     /// Σy² = Var[S_n] n (n − 1) + (Σy)²/n.
-    fn squares(&self, folds: [f64; FOLDS]) -> f64 {
-        let (n, sum) = (f64::from(self.n), total(folds));
+    fn squares(&self, sum: f64) -> f64 {
+        let n = f64::from(self.n);
         predictable(f64::from(self.variance) * n * (n - 1.0) + sum * sum / n)
     }
 
     /// The `hi` and `lo` of the folds, then of the squares.
-    pub(super) fn split(&self, folds: [f64; FOLDS], squares: f64) -> [[u32; 2]; SUMS] {
-        let mut words = [[0; 2]; SUMS];
-        for fold in 0..FOLDS {
-            words[fold] = split(folds[fold], self.fold(fold));
-        }
-        words[FOLDS] = split(squares, self.squares(folds));
-        words
+    pub(super) fn split(&self, sums: &LaneSums) -> [[u32; 2]; SUMS] {
+        std::array::from_fn(|sum| match sums.folds.get(sum) {
+            Some(&fold) => split(fold, self.fold(sum)),
+            None => split(sums.squares, self.squares(sums.total())),
+        })
     }
 
     /// Undoes [`Known::split`].
-    pub(super) fn join(&self, words: [[u32; 2]; SUMS]) -> ([f64; FOLDS], f64) {
+    pub(super) fn join(&self, words: [[u32; 2]; SUMS]) -> LaneSums {
         let folds = std::array::from_fn(|fold| join(words[fold], self.fold(fold)));
-        (folds, join(words[FOLDS], self.squares(folds)))
+        let mut sums = LaneSums { folds, squares: 0.0 };
+        sums.squares = join(words[FOLDS], self.squares(sums.total()));
+        sums
     }
 }
 
@@ -87,11 +87,6 @@ fn join([hi, lo]: [u32; 2], prediction: f64) -> f64 {
     f64::from_bits(u64::from(upper) << 32 | u64::from(lo))
 }
 
-/// One lane of some sums.
-pub(super) fn lane(sums: &Sums, lane: usize) -> ([f64; FOLDS], f64) {
-    (std::array::from_fn(|fold| sums.folds[fold][lane]), sums.squares[lane])
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -109,25 +104,20 @@ mod tests {
             let [a, b, c, d, squares] = bits.map(f64::from_bits);
             let [e, f, g, h, variance] = known.map(f32::from_bits);
             let known = Known { n, means: [e, f, g, h], variance };
-            let (folds, again) = known.join(known.split([a, b, c, d], squares));
-            let again = [folds[0], folds[1], folds[2], folds[3], again].map(f64::to_bits);
-            prop_assert_eq!(again, bits);
+            let again = known.join(known.split(&LaneSums { folds: [a, b, c, d], squares }));
+            let [a, b, c, d] = again.folds;
+            prop_assert_eq!([a, b, c, d, again.squares].map(f64::to_bits), bits);
         }
 
         /// The prediction is off by a carry at most.
         #[test]
         fn upper_words_are_predicted(samples in prop::collection::vec(0.0..100.0_f32, 8..40)) {
-            let mut folds = [0.0; FOLDS];
-            let mut squares = 0.0;
-            for (i, y) in samples.iter().map(|&y| f64::from(y)).enumerate() {
-                folds[i % FOLDS] += y;
-                squares += y * y;
-            }
+            let mut sums = LaneSums::default();
+            (0..).zip(&samples).for_each(|(i, &y)| sums.add(i, f64::from(y)));
             let n = samples.len() as u32;
-            let sums = Sums { folds: folds.map(|sum| vec![sum]), squares: vec![squares] };
-            let means = std::array::from_fn(|f| (folds[f] / fold_count(f, n)) as f32);
-            let known = Known { n, means, variance: sums.variance(n)[0] };
-            for [hi, _] in known.split(folds, squares) {
+            let means = std::array::from_fn(|f| (sums.folds[f] / fold_count(f, n)) as f32);
+            let known = Known { n, means, variance: sums.variance(n) };
+            for [hi, _] in known.split(&sums) {
                 prop_assert!(hi.wrapping_add(1) <= 2, "{hi}");
             }
         }

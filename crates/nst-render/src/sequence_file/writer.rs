@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::{ResumeInfo, SequenceInfo, VERSION, state};
 use crate::{
-    Error, Keep, Sums, VARIANCE,
+    Error, Keep, LaneSums, VARIANCE,
     exr_rows::{Attribute, Attributes, BLOCK_ROWS, RowWriter},
     film::layer_channels,
     fold_name,
@@ -38,7 +38,7 @@ impl<'a> SequenceWriter<'a> {
     /// # Errors
     /// [`Error::Settings`] if the rows are not what the header promises, [`Error::Io`]
     /// if they cannot be written.
-    pub fn push(&mut self, batch: &SequenceBatch, sums: Option<&Sums>) -> Result<(), Error> {
+    pub fn push(&mut self, batch: &SequenceBatch, sums: Option<&[LaneSums]>) -> Result<(), Error> {
         let channels = self.info.model.channels().len();
         let pixels = batch.lanes() / channels;
         let fits = batch.sample_counts() == self.info.sample_counts
@@ -46,7 +46,7 @@ impl<'a> SequenceWriter<'a> {
             && batch.lanes() == pixels * channels
             && pixels.is_multiple_of(self.info.size[0] as usize)
             && sums.is_some() == self.info.resume.is_some()
-            && sums.is_none_or(|sums| sums.planes().all(|plane| plane.len() == batch.lanes()));
+            && sums.is_none_or(|sums| sums.len() == batch.lanes());
         if !fits {
             return Err(Error::Settings("rows differ from what the sequence's header says".into()));
         }
@@ -74,7 +74,7 @@ impl<'a> SequenceWriter<'a> {
     fn state(
         &self,
         batch: &SequenceBatch,
-        sums: &Sums,
+        sums: &[LaneSums],
         pixels: usize,
         part: std::ops::Range<usize>,
     ) -> Vec<Vec<u32>> {
@@ -84,12 +84,7 @@ impl<'a> SequenceWriter<'a> {
             .into_par_iter()
             .map(|channel| {
                 let lanes = part.clone().map(|pixel| channel * pixels + pixel);
-                lanes
-                    .map(|lane| {
-                        let (folds, squares) = state::lane(sums, lane);
-                        known.lane(lane).split(folds, squares)
-                    })
-                    .collect()
+                lanes.map(|lane| known.lane(lane).split(&sums[lane])).collect()
             })
             .collect();
         let mut planes = Vec::with_capacity(2 * state::SUMS * channels);
