@@ -10,7 +10,7 @@ use std::{
 use exr::{
     block::{self, reader::Reader},
     meta::{BlockDescription, attribute::AttributeValue, header::Header as RawHeader},
-    prelude::SampleType,
+    prelude::{Compression, SampleType},
 };
 
 use crate::Error;
@@ -18,9 +18,15 @@ use crate::Error;
 /// The first bytes of every EXR file.
 const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// The most that a byte of a file may decode to: formats compress one colour to
-/// some thousandth. A header that promises more is malformed.
-const MOST_BYTES_PER_BYTE: u64 = 1 << 16;
+/// The most samples that a byte of a file may decode to; a header that promises more
+/// is malformed. Deflate stores at most 258 bytes in two bits; DWA, a block of 8 by 8
+/// equal samples in two bytes, which it deflates then.
+fn most_samples_per_byte(compression: Compression) -> u64 {
+    match compression {
+        Compression::DWAA(_) | Compression::DWAB(_) => 1032 * 64 / 2,
+        _ => 1032,
+    }
+}
 
 /// The headers of an EXR file; at least one.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,11 +94,12 @@ impl ExrHeader {
     /// [`Error::Io`] or [`Error::Image`] names the file and what is wrong with it.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let length = std::fs::metadata(path).map_err(|error| Error::io("read", path, error))?.len();
-        let parts: Vec<_> = open(path)?.headers().iter().map(part).collect();
-        for part in &parts {
+        let reader = open(path)?;
+        let parts: Vec<_> = reader.headers().iter().map(part).collect();
+        for (part, header) in parts.iter().zip(reader.headers()) {
             let [width, height] = part.size.map(u64::from);
             let samples = width.saturating_mul(height).saturating_mul(part.channels.len() as u64);
-            if samples > length.saturating_mul(MOST_BYTES_PER_BYTE) {
+            if samples > length.saturating_mul(most_samples_per_byte(header.compression)) {
                 let message = format!(
                     "damaged: a file of {length} bytes cannot hold {width} by {height} pixels"
                 );

@@ -9,9 +9,13 @@ use std::{
 };
 
 use exr::{
-    block::{UncompressedBlock, chunk::Chunk, lines::LineRef},
-    meta::MetaData,
-    prelude::{SampleType, f16},
+    block::{
+        UncompressedBlock,
+        chunk::{Chunk, CompressedBlock},
+        lines::LineRef,
+    },
+    meta::{MetaData, header::Header},
+    prelude::{Compression, SampleType, f16},
 };
 use rayon::prelude::*;
 
@@ -105,6 +109,10 @@ impl Picture {
     pub fn read_rows(&self, rows: Range<u32>) -> Result<Vec<f32>, Error> {
         assert!(rows.start <= rows.end && rows.end <= self.size[1], "{rows:?} of {:?}", self.size);
         let (meta, chunks) = self.chunks(&rows)?;
+        let header = &meta.headers[self.part];
+        if !chunks.iter().all(|chunk| sizes_are_plausible(chunk, header)) {
+            return Err(Error::image(&self.path, "damaged: a block is larger than it can be"));
+        }
         let blocks = chunks
             .into_par_iter()
             .map(|chunk| UncompressedBlock::decompress_chunk(chunk, &meta, false))
@@ -115,6 +123,11 @@ impl Picture {
         let width = self.size[0] as usize;
         let wanted = rows.start as usize..rows.end as usize;
         let plane = wanted.len() * width;
+        // Memory only for what is there.
+        let pixels = blocks.iter().map(|block| block.index.pixel_size.area()).sum::<usize>();
+        if pixels < plane {
+            return Err(incomplete());
+        }
         let mut lanes = vec![0.0; plane * self.channels.len()];
         let mut seen = BTreeSet::new();
         let mut missing = plane;
@@ -126,7 +139,7 @@ impl Picture {
             if elsewhere || !seen.insert((x, y)) {
                 return Err(incomplete());
             }
-            for line in block.lines(&meta.headers[self.part].channels) {
+            for line in block.lines(&header.channels) {
                 let (at, y) = (line.location, line.location.position.y());
                 let Some(lane) = self.channels.iter().position(|&c| c == at.channel) else {
                     continue;
@@ -135,7 +148,7 @@ impl Picture {
                     continue;
                 }
                 let first = lane * plane + (y - wanted.start) * width + at.position.x();
-                let kind = meta.headers[self.part].channels.list[at.channel].sample_type;
+                let kind = header.channels.list[at.channel].sample_type;
                 read_line(&line, kind, &mut lanes[first..first + at.sample_count])
                     .map_err(|error| malformed(&self.path, error))?;
                 if lane == 0 {
@@ -172,6 +185,27 @@ impl Picture {
             .map_err(|error| malformed(&self.path, error))?;
         Ok((meta, chunks))
     }
+}
+
+/// Whether the sizes that a DWA block begins with are such as its pixels can have.
+/// The library allocates what they say.
+fn sizes_are_plausible(chunk: &Chunk, header: &Header) -> bool {
+    if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+        return true;
+    }
+    let bytes = match &chunk.compressed_block {
+        CompressedBlock::ScanLine(block) => &block.compressed_pixels_le,
+        CompressedBlock::Tile(block) => &block.compressed_pixels_le,
+        _ => return false,
+    };
+    // Version, nine sizes, the kind of entropy coding; pixels are coded by 8 by 8.
+    let block = header.max_block_pixel_size();
+    let pixels = block.x().next_multiple_of(8).saturating_mul(block.y().next_multiple_of(8));
+    let most = pixels.saturating_mul(4 * header.channels.bytes_per_pixel) as u64 + (1 << 16);
+    let (numbers, _) = bytes.as_chunks();
+    numbers.iter().take(10).skip(1).all(|&number| u64::from_le_bytes(number) <= most)
+        // Stored as it is where it does not shrink.
+        || bytes.len() == header.max_block_byte_size()
 }
 
 /// Converts a line of samples; u32 beyond 2²⁴ are rounded.
