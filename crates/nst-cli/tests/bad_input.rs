@@ -3,6 +3,7 @@
 mod common;
 
 use common::{Bench, cornell};
+use nst_render::{output::OutputFile, sequence_file::SequenceFile};
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
@@ -142,6 +143,10 @@ fn outputs_that_cannot_be_written() {
     let render = "render --scene x.obj --spp 8 --size 8x8";
     fails(&bench, &format!("{render} -o gone/x.exr"), 1, &["gone/x.exr", "write"]);
     fails(&bench, &format!("{render} -o folder.exr"), 1, &["folder.exr"]);
+    // A folder in which nobody can create files, not even root.
+    #[cfg(target_os = "linux")]
+    fails(&bench, &format!("{render} -o /proc/x.exr"), 1, &["/proc/x.exr", "write"]);
+    fails(&bench, &format!("{render} --sequence x.exr"), 2, &["x.exr", "both", "--output"]);
     // The sequence cannot be written, so the picture must not be replaced either.
     fails(&bench, &format!("{render} --sequence gone/s.exr"), 1, &["gone/s.exr"]);
     fails(&bench, &format!("{render} --weights gone.safetensors"), 1, &["gone.safetensors"]);
@@ -167,6 +172,54 @@ fn sequences() {
     ));
     fails(&bench, "transform short.exr --transform cornell", 2, &["short.exr", "last 8", "4"]);
     fails(&bench, "transform seq.exr -o gone/x.exr", 1, &["gone/x.exr"]);
+}
+
+#[test]
+fn resumed_renderings() {
+    let bench = Bench::new();
+    bench.write("x.obj", TRIANGLE);
+    bench.write("other.obj", TRIANGLE.replace("0 1 0", "0 2 0"));
+    let first = "render --scene x.obj --spp 8 --quiet --size 8x8 -o x.exr --sequence seq.exr";
+    bench.succeed(first);
+    let resume = |options: &str| {
+        let scene = if options.contains("--scene") { "" } else { "--scene x.obj" };
+        format!("render {scene} --resume seq.exr -o x.exr {options}")
+    };
+    let cases: [(&str, &[&str]); 11] = [
+        ("--spp 8", &["8 spp already", "--spp 8"]),
+        ("--spp 7", &["8 spp already", "--spp 7"]),
+        ("--spp 9 --seed 1", &["--seed says 1", "the file says 0"]),
+        ("--spp 9 --sampler halton", &["--sampler says halton", "says random"]),
+        ("--spp 9 --size 9x8", &["--size says 9x8", "says 8x8"]),
+        ("--spp 9 --keep all", &["--keep says all", "says window"]),
+        ("--spp 9 --pixel center", &["--pixel says center", "says box"]),
+        ("--spp 9 --max-depth 3", &["--max-depth says 3", "says 8"]),
+        ("--spp 9 --integrator direct", &["--integrator says 2", "says 8"]),
+        ("--spp 9 --scene other.obj", &["its scene is 'x:", "other.obj", "'other:"]),
+        ("--spp 9 --runs 2", &["--runs", "cannot be used with"]),
+    ];
+    for (options, words) in cases {
+        fails(&bench, &resume(options), 2, &[words, &["--resume"]].concat());
+    }
+    bench.write("x.toml", "[integrator]\nrussian_roulette = false\n");
+    fails(&bench, &resume("--spp 9"), 2, &["seq.exr", "russian_roulette"]);
+    bench.write("x.toml", "");
+
+    let seq = bench.path("seq.exr");
+    let mut file = SequenceFile::read(&seq).expect("the sequence");
+    // As packed and merged sequences are.
+    (file.info.resume, file.sums) = (None, None);
+    let mut output = OutputFile::create(&bench.path("packed.exr")).expect("a file");
+    file.write(&mut output).expect("it can be written");
+    output.commit().expect("it can be renamed");
+    let instead = |name: &str| resume("--spp 9").replace("seq.exr", name);
+    fails(&bench, &instead("packed.exr"), 2, &["packed.exr", "sums", "cannot be continued"]);
+    fails(&bench, &instead("gone.exr"), 1, &["gone.exr", "read"]);
+    fails(&bench, &instead("x.exr"), 1, &["x.exr", "no sequence"]);
+    let whole = std::fs::read(&seq).expect("the sequence");
+    bench.write("cut.exr", &whole[..whole.len() - 200]);
+    fails(&bench, &instead("cut.exr"), 1, &["cut.exr", "cut off or damaged"]);
+    bench.succeed(&resume("--spp 9 --quiet"));
 }
 
 #[test]

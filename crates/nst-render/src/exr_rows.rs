@@ -129,6 +129,15 @@ impl<'a> RowWriter<'a> {
         let block_bytes = row * BLOCK_ROWS as usize;
         let count = planes[0].len().div_ceil(block_bytes);
         debug_assert_eq!(planes.len(), self.order.len());
+        let rows = planes[0].len() / row;
+        let end = self.offsets.len() * BLOCK_ROWS as usize + rows;
+        let height = self.header[0].layer_size.height();
+        if end > height || (end < height && !rows.is_multiple_of(BLOCK_ROWS as usize)) {
+            return Err(Error::Settings(format!(
+                "'{}': {rows} rows that end with {end} of {height}; all but the last come in multiples of {BLOCK_ROWS}",
+                self.path.display()
+            )));
+        }
         // A few blocks for each thread, so that few wait to be written.
         let group = 2 * rayon::current_num_threads();
         let path = &self.path;
@@ -379,4 +388,67 @@ fn latin1(text: &str) -> Text {
             text.chars().map(|c| if u32::from(c) < 256 { c } else { '?' }).collect();
         Text::new_or_none(replaced).unwrap_or_default()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Writes f32 channels of so many rows at a time.
+    fn write(path: &Path, size: [u32; 2], planes: &[Vec<f32>], rows: usize) -> Result<(), Error> {
+        let names = ["b", "a", "c"];
+        let channels = names.map(|name| (name.to_owned(), SampleType::F32));
+        let attributes = [("x".to_owned(), Attribute::Text("µ, β".into()))].into();
+        let mut output = OutputFile::create(path)?;
+        let mut writer = RowWriter::create(&mut output, size, &channels, attributes)?;
+        let step = size[0] as usize * rows;
+        for first in (0..planes[0].len()).step_by(step) {
+            let part = |plane: &Vec<f32>| plane[first..plane.len().min(first + step)].to_vec();
+            let part: Vec<Vec<f32>> = planes.iter().map(part).collect();
+            let bytes: Vec<&[u8]> = part.iter().map(|plane| bytemuck::cast_slice(plane)).collect();
+            writer.push(&bytes)?;
+        }
+        writer.finish()?;
+        output.commit()
+    }
+
+    #[test]
+    fn rows_come_back_however_they_are_cut() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("x.exr");
+        for size in [[7, 50], [1, 1], [5, 16], [33, 17]] {
+            let pixels = size[0] as usize * size[1] as usize;
+            let plane = |c: usize| (0..pixels).map(|i| (i * i + c) as f32 / 7.0).collect();
+            let planes: Vec<Vec<f32>> = (0..3).map(plane).collect();
+            for (written, read) in [(16, 32), (1 << 20, 16), (32, 1 << 20)] {
+                write(&path, size, &planes, written).expect("it can be written");
+                let mut reader = RowReader::open(&path).expect("it can be read");
+                assert_eq!(reader.size(), size);
+                assert_eq!(reader.attribute("x"), Some(Attribute::Text("µ, ?".into())));
+                let names: Vec<String> = reader.channels().map(|(name, _)| name).collect();
+                assert_eq!(names, ["a", "b", "c"]);
+                let mut found = vec![Vec::new(); 3];
+                while reader.next_row() < size[1] {
+                    let rows = reader.read(read).expect("rows");
+                    for (channel, plane) in [(1, 0), (0, 1), (2, 2)] {
+                        let mut values = vec![0.0_f32; rows.pixels()];
+                        rows.copy(channel, bytemuck::cast_slice_mut(&mut values));
+                        found[plane].extend(values);
+                    }
+                }
+                assert_eq!(found, planes);
+            }
+        }
+    }
+
+    #[test]
+    fn rows_that_do_not_fit_are_refused() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("x.exr");
+        let planes = |rows: usize| vec![vec![1.0; 7 * rows]; 3];
+        assert!(write(&path, [7, 40], &planes(40), 16).is_ok());
+        for (rows, step) in [(40, 10), (48, 16), (32, 16), (41, 1 << 20)] {
+            assert!(write(&path, [7, 40], &planes(rows), step).is_err(), "{rows} {step}");
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! Pictures: EXR with layers, PNG for the screen, and reading either back.
 
-use std::path::Path;
+use std::{io::Write, path::Path};
 
 use exr::prelude::SampleType;
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
@@ -141,12 +141,11 @@ pub(crate) fn write_rgb8(
     size: [u32; 2],
     bytes: &[u8],
 ) -> Result<(), Error> {
-    PngEncoder::new(std::io::BufWriter::new(output.file()))
+    let mut png = Vec::new();
+    PngEncoder::new(&mut png)
         .write_image(bytes, size[0], size[1], ExtendedColorType::Rgb8)
-        .map_err(|error| match error {
-            image::ImageError::IoError(error) => Error::io("write", output.path(), error),
-            error => Error::image(output.path(), error.to_string()),
-        })
+        .map_err(|error| Error::image(output.path(), error.to_string()))?;
+    output.file().write_all(&png).map_err(|error| Error::io("write", output.path(), error))
 }
 
 /// Reads a layer of an EXR picture as planar lanes, with the picture's size.

@@ -10,8 +10,9 @@ use tempfile::NamedTempFile;
 use crate::Error;
 
 /// A file that is written under a temporary name beside its own and renamed by
-/// [`OutputFile::commit`]; dropped before that, it leaves no trace. Opening it
-/// before a long computation shows early whether the place can be written to.
+/// [`OutputFile::commit`]; dropped before that, it leaves no trace. A process that is
+/// killed leaves the temporary file, `.nst-….tmp`, and whatever the name stood for.
+/// Opening it before a long computation shows early whether the place can be written to.
 #[derive(Debug)]
 pub struct OutputFile {
     file: NamedTempFile,
@@ -55,8 +56,11 @@ impl OutputFile {
     /// Puts the finished file in its place, over what was there.
     ///
     /// # Errors
-    /// [`Error::Io`] if it cannot be renamed.
+    /// [`Error::Io`] if it cannot be stored or renamed.
     pub fn commit(self) -> Result<(), Error> {
+        // Before the new name: a disk may report late that it is full, and after a
+        // power failure the name must not stand for a file without content.
+        self.file.as_file().sync_all().map_err(|error| Error::io("write", &self.path, error))?;
         match self.file.persist(&self.path) {
             Ok(_) => Ok(()),
             Err(error) => Err(Error::io("write", &self.path, error.error)),

@@ -50,8 +50,15 @@ fn picture(args: &RenderArgs) -> Result<(), Error> {
     let mut exr = OutputFile::create(&exr_path)?;
     let mut png = OutputFile::create(&exr_path.with_extension("png"))?;
     let sequence_path = args.sequence.as_deref().or(args.resume.as_deref());
+    if sequence_path == Some(&exr_path) {
+        let path = exr_path.display();
+        return Err(Error::Usage(format!(
+            "'{path}' cannot be both the picture and the sequence; give another --output"
+        )));
+    }
     let mut sequence = sequence_path.map(OutputFile::create).transpose()?;
 
+    interrupt::watch()?;
     let start = timed(&mut watch.io, || resumed.map(resume::Resumed::read).transpose())?;
     let silent = args.common.quiet || args.common.json;
     if !silent {
@@ -59,14 +66,12 @@ fn picture(args: &RenderArgs) -> Result<(), Error> {
     }
     let (done, spent) = start.as_ref().map_or((0, 0.0), |start| (start.samples, start.seconds));
     let bar = progress_bar(paths(&scene, args.spp - done), silent);
-    interrupt::watch()?;
     let progress = |paths| bar.inc(paths);
     let control = Control { progress: &progress, stop: &interrupt::asked };
     let start = start.map(|start| start.rendering);
-    let Rendering { batch, sums, time } = render_from(start, &scene, &settings, control)?;
+    let rendering = render_from(start, &scene, &settings, control)?;
     bar.finish_and_clear();
-    let counts = batch.sample_counts().to_vec();
-    let samples = counts[counts.len() - 1];
+    let samples = *rendering.batch.sample_counts().last().expect("a rendering has a term");
     // Another network, or none, may be the one for fewer samples.
     let method = if samples == args.spp {
         method
@@ -75,32 +80,14 @@ fn picture(args: &RenderArgs) -> Result<(), Error> {
     };
 
     let mut estimates = Estimates::default();
-    timed(&mut watch.transform, || method.transform.apply(&batch, &mut estimates))?;
+    timed(&mut watch.transform, || method.transform.apply(&rendering.batch, &mut estimates))?;
 
     let mut written = Vec::new();
     timed(&mut watch.io, || -> Result<(), Error> {
-        write_picture(&mut exr, scene.size, &batch, &estimates)?;
+        write_picture(&mut exr, scene.size, &rendering.batch, &estimates)?;
         film::write_png(&mut png, scene.size, estimates.values())?;
         if let Some(output) = &mut sequence {
-            let info = SequenceInfo {
-                size: scene.size,
-                model: ColorModel::Rgb,
-                sample_counts: counts,
-                sides: batch.sides().map(|(name, _)| name.to_owned()).collect(),
-                scene: fingerprint,
-                sampler: settings.sampler.name().to_owned(),
-                seeds: vec![settings.seed],
-                render_seconds: spent + time.as_secs_f32(),
-                resume: Some(ResumeInfo {
-                    keep: settings.keep,
-                    pixel_filter: scene.pixel_filter,
-                    max_depth: scene.max_depth,
-                    russian_roulette: scene.russian_roulette,
-                }),
-            };
-            let mut writer = SequenceWriter::create(output, &info)?;
-            writer.push(&batch, Some(&sums))?;
-            writer.finish()?;
+            write_sequence(output, &scene, fingerprint, &settings, &rendering, spent)?;
         }
         for output in [exr, png].into_iter().chain(sequence) {
             written.push(output.path().display().to_string());
@@ -110,7 +97,7 @@ fn picture(args: &RenderArgs) -> Result<(), Error> {
     })?;
     let mut lanes = LaneCounts::default();
     lanes.add(&estimates);
-    let stats = RenderStats { time, paths: paths(&scene, samples - done) };
+    let stats = RenderStats { time: rendering.time, paths: paths(&scene, samples - done) };
     watch.summary(Some(stats), &method, lanes, written).print(&args.common);
     if samples == args.spp {
         return Ok(());
@@ -120,6 +107,37 @@ fn picture(args: &RenderArgs) -> Result<(), Error> {
         None => String::new(),
     };
     Err(Error::Interrupted(format!("{samples} of {} spp are in the files{how}", args.spp)))
+}
+
+/// Writes a rendering that had taken `spent` seconds before it was continued.
+fn write_sequence(
+    output: &mut OutputFile,
+    scene: &Scene,
+    fingerprint: String,
+    settings: &RenderSettings,
+    rendering: &Rendering,
+    spent: f32,
+) -> Result<(), Error> {
+    let batch = &rendering.batch;
+    let info = SequenceInfo {
+        size: scene.size,
+        model: ColorModel::Rgb,
+        sample_counts: batch.sample_counts().to_vec(),
+        sides: batch.sides().map(|(name, _)| name.to_owned()).collect(),
+        scene: fingerprint,
+        sampler: settings.sampler.name().to_owned(),
+        seeds: vec![settings.seed],
+        render_seconds: spent + rendering.time.as_secs_f32(),
+        resume: Some(ResumeInfo {
+            keep: settings.keep,
+            pixel_filter: scene.pixel_filter,
+            max_depth: scene.max_depth,
+            russian_roulette: scene.russian_roulette,
+        }),
+    };
+    let mut writer = SequenceWriter::create(output, &info)?;
+    writer.push(batch, Some(&rendering.sums))?;
+    Ok(writer.finish()?)
 }
 
 /// Renders `runs` times with all terms kept, straight to a file.
@@ -142,12 +160,12 @@ fn dataset(args: &RenderArgs, runs: u32) -> Result<(), Error> {
         first_seed: Some(settings.seed),
     };
     let mut writer = DatasetWriter::new(OutputFile::create(&path)?, info)?;
+    interrupt::watch()?;
     let silent = args.common.quiet || args.common.json;
     if !silent {
         describe(&scene, args.spp, None);
     }
     let bar = progress_bar(paths(&scene, args.spp) * u64::from(runs), silent);
-    interrupt::watch()?;
     let progress = |paths| bar.inc(paths);
     let control = Control { progress: &progress, stop: &interrupt::asked };
     let mut done = 0;

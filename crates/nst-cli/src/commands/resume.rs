@@ -125,7 +125,7 @@ impl Resumed {
 
     /// Reads the whole file.
     pub(crate) fn read(self) -> Result<Start, Error> {
-        let file = SequenceFile::read(&self.path)?;
+        let file = SequenceFile::read_to_resume(&self.path)?;
         let (samples, seconds) = (file.info.samples(), file.info.render_seconds);
         let Some(sums) = file.sums.filter(|_| file.info == self.info) else {
             return Err(Error::Usage(format!(

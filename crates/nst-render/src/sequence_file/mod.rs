@@ -37,7 +37,7 @@ pub struct SequenceInfo {
     pub scene: String,
     /// The sampler's name, or nothing.
     pub sampler: String,
-    /// The seeds of the samples: one, or several of a merged sequence.
+    /// The seeds of the samples: one, several of a merged sequence, or none if unknown.
     pub seeds: Vec<u64>,
     /// How long the rendering took.
     pub render_seconds: f32,
@@ -109,12 +109,26 @@ impl SequenceFile {
     /// # Errors
     /// [`Error::Io`] or [`Error::Image`] names the file and what is wrong with it.
     pub fn read(path: &Path) -> Result<Self, Error> {
+        Self::read_with(path, true)
+    }
+
+    /// Reads what a rendering is continued from: all but the side channels, which
+    /// the sums give again.
+    ///
+    /// # Errors
+    /// As [`SequenceFile::read`].
+    pub fn read_to_resume(path: &Path) -> Result<Self, Error> {
+        Self::read_with(path, false)
+    }
+
+    fn read_with(path: &Path, with_sides: bool) -> Result<Self, Error> {
         let mut reader = SequenceReader::open(path)?;
         let info = reader.info().clone();
         let pixels = info.size[0] as usize * info.size[1] as usize;
         let lanes = info.model.channels().len() * pixels;
         let mut terms = vec![0.0; info.sample_counts.len() * lanes];
-        let mut sides = vec![vec![0.0; lanes]; info.sides.len()];
+        let count = if with_sides { info.sides.len() } else { 0 };
+        let mut sides = vec![vec![0.0; lanes]; count];
         let mut sums = info.resume.map(|_| vec![LaneSums::default(); lanes]);
         let mut first = 0;
         while !reader.is_done() {

@@ -56,9 +56,9 @@ impl SequenceReader {
             return Err(Error::image(path, message));
         }
         // Samples of another program may have none of these.
-        let seeds = match header.optional("nst.seed")? {
+        let seeds = match header.optional("nst.seed")?.as_deref() {
+            None | Some("") => Vec::new(),
             Some(_) => header.numbers("nst.seed")?,
-            None => Vec::new(),
         };
         let scene = header.optional("nst.scene")?.unwrap_or_default();
         let sampler = header.optional("nst.sampler")?.unwrap_or_default();
@@ -68,37 +68,10 @@ impl SequenceReader {
         };
         let resume = header.resume()?;
 
-        // (index, type) of each channel of the file.
-        let channels: BTreeMap<String, (usize, SampleType)> =
-            rows.channels().enumerate().map(|(i, (name, kind))| (name, (i, kind))).collect();
-        let has = |name| channels.contains_key(name);
-        let model = if has("R") || !has("Y") { ColorModel::Rgb } else { ColorModel::Mono };
-        let find = |name: &str, kind| match channels.get(name) {
-            Some(&(index, found)) if found == kind => Ok(index),
-            Some(_) => Err(Error::image(path, format!("channel '{name}' is not of type {kind:?}"))),
-            None => Err(Error::image(path, format!("channel '{name}' is missing"))),
-        };
-        let mut layers = Vec::new();
-        for layer in [String::new()].into_iter().chain(sample_counts.iter().copied().map(term_name))
-        {
-            for channel in model.channels() {
-                layers.push(find(&channel_name(&layer, channel), SampleType::F32)?);
-            }
-        }
-        // The picture repeats the last term.
-        layers.drain(..model.channels().len());
-        let terms: BTreeSet<String> = sample_counts.iter().copied().map(term_name).collect();
-        // What is left beside the picture, the terms and the state are side channels.
-        let mut sides = BTreeMap::new();
-        for name in channels.keys() {
-            let Some((layer, "R" | "Y")) = name.rsplit_once('.') else { continue };
-            let names = model.channels().iter().map(|channel| channel_name(layer, channel));
-            let found: Option<Vec<_>> =
-                names.map(|name| find(&name, SampleType::F32).ok()).collect();
-            if let (false, Some(found)) = (terms.contains(layer), found) {
-                sides.insert(layer.to_owned(), found);
-            }
-        }
+        let channels = Channels::of(path, &rows);
+        let model = channels.model();
+        let mut layers = channels.terms(model, &sample_counts)?;
+        let sides = channels.sides(model, &sample_counts);
         layers.extend(sides.values().flatten());
         let sides = sides.into_keys().collect();
         let info = SequenceInfo {
@@ -113,7 +86,8 @@ impl SequenceReader {
             resume,
         };
         let state = info.state_channels();
-        let state = state.iter().map(|(name, kind)| find(name, *kind)).collect::<Result<_, _>>()?;
+        let state = state.iter().map(|(name, kind)| channels.find(name, *kind));
+        let state = state.collect::<Result<_, _>>()?;
         let folds = info.sides.iter().filter(|name| name.starts_with("fold")).count();
         if header.text("nst.folds")? != folds.to_string() {
             return Err(Error::image(
@@ -219,6 +193,63 @@ impl SequenceReader {
             known.lane(lane).join(std::array::from_fn(|sum| [word(sum, 0), word(sum, 1)]))
         });
         joined.collect()
+    }
+}
+
+/// The channels of a file: index and type, by name.
+struct Channels<'a> {
+    path: &'a Path,
+    by_name: BTreeMap<String, (usize, SampleType)>,
+}
+
+impl<'a> Channels<'a> {
+    fn of(path: &'a Path, rows: &RowReader) -> Self {
+        let channels = rows.channels().enumerate();
+        Self { path, by_name: channels.map(|(i, (name, kind))| (name, (i, kind))).collect() }
+    }
+
+    fn model(&self) -> ColorModel {
+        let has = |name| self.by_name.contains_key(name);
+        if has("R") || !has("Y") { ColorModel::Rgb } else { ColorModel::Mono }
+    }
+
+    fn find(&self, name: &str, kind: SampleType) -> Result<usize, Error> {
+        match self.by_name.get(name) {
+            Some(&(index, found)) if found == kind => Ok(index),
+            Some(_) => {
+                Err(Error::image(self.path, format!("channel '{name}' is not of type {kind:?}")))
+            }
+            None => Err(Error::image(self.path, format!("channel '{name}' is missing"))),
+        }
+    }
+
+    fn layer(&self, model: ColorModel, layer: &str) -> Result<Vec<usize>, Error> {
+        let names = model.channels().iter().map(|channel| channel_name(layer, channel));
+        names.map(|name| self.find(&name, SampleType::F32)).collect()
+    }
+
+    /// The channels of the terms, `[term][channel]`.
+    fn terms(&self, model: ColorModel, sample_counts: &[u32]) -> Result<Vec<usize>, Error> {
+        // The picture repeats the last term; it is not read, but must be there.
+        self.layer(model, "")?;
+        let mut terms = Vec::new();
+        for &count in sample_counts {
+            terms.extend(self.layer(model, &term_name(count))?);
+        }
+        Ok(terms)
+    }
+
+    /// What is left beside the picture, the terms and the state: side channels.
+    fn sides(&self, model: ColorModel, sample_counts: &[u32]) -> BTreeMap<String, Vec<usize>> {
+        let terms: BTreeSet<String> = sample_counts.iter().copied().map(term_name).collect();
+        let first = model.channels()[0];
+        let layers = self.by_name.keys().filter_map(|name| {
+            let (layer, channel) = name.rsplit_once('.')?;
+            let other = channel == first && !layer.is_empty() && !terms.contains(layer);
+            other.then_some(layer)
+        });
+        let found = |layer: &str| Some((layer.to_owned(), self.layer(model, layer).ok()?));
+        layers.filter_map(found).collect()
     }
 }
 

@@ -1,0 +1,241 @@
+//! Renderings that are stopped, killed and continued.
+#![cfg(unix)]
+
+mod common;
+
+use std::{
+    io::{BufRead, BufReader},
+    os::unix::process::ExitStatusExt,
+    path::Path,
+    process::{Child, Command, Stdio},
+    time::{Duration, Instant},
+};
+
+use common::{Bench, cornell};
+use nst_render::{film::read_exr_layer, sequence_file::SequenceFile};
+use safetensors::SafeTensors;
+
+fn sequence(bench: &Bench, name: &str) -> SequenceFile {
+    SequenceFile::read(&bench.path(name)).expect("a sequence")
+}
+
+/// A sequence but for the time that it took.
+fn same(a: &SequenceFile, b: &SequenceFile) -> bool {
+    let mut info = a.info.clone();
+    info.render_seconds = b.info.render_seconds;
+    info == b.info && a.batch == b.batch && a.sums == b.sums
+}
+
+fn layers(path: &Path) -> Vec<Vec<u32>> {
+    let bits = |layer| {
+        let lanes = read_exr_layer(path, layer).expect("a layer").1;
+        lanes.into_iter().map(f32::to_bits).collect()
+    };
+    ["", "S", "Variance"].map(bits).into()
+}
+
+#[test]
+fn a_resumed_rendering_is_the_uninterrupted_one() {
+    let bench = Bench::new();
+    let scene = format!("render --scene {} --quiet --backend cpu", cornell());
+    let cases = [
+        ("", "--keep window --seed 7"),
+        ("--transform none", "--keep pow2 --sampler halton --pixel center"),
+        ("--transform none", "--keep all --integrator direct"),
+    ];
+    for (method, options) in cases {
+        let first = format!("{scene} {method} {options} --size 33x20");
+        bench.succeed(&format!("{first} --spp 21 --sequence whole.exr -o whole_x.exr"));
+        bench.succeed(&format!("{first} --spp 3 --sequence part.exr -o part_x.exr"));
+        // What the file says need not be repeated, but may be.
+        bench.succeed(&format!("{scene} {method} --resume part.exr --spp 12 -o part_x.exr"));
+        assert!(!same(&sequence(&bench, "part.exr"), &sequence(&bench, "whole.exr")));
+        let rest = format!("{first} --resume part.exr --spp 21 --sequence new.exr -o part_x.exr");
+        bench.succeed(&rest);
+        assert_eq!(
+            sequence(&bench, "part.exr").info.samples(),
+            12,
+            "--sequence names another file"
+        );
+        assert!(same(&sequence(&bench, "new.exr"), &sequence(&bench, "whole.exr")), "{options}");
+        assert_eq!(layers(&bench.path("part_x.exr")), layers(&bench.path("whole_x.exr")));
+    }
+}
+
+/// Starts `nst` and waits until it has begun to render.
+fn start(bench: &Bench, args: &str) -> Child {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_nst"))
+        .args(args.split_whitespace())
+        .current_dir(bench.path(""))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the binary runs");
+    let said = BufReader::new(child.stdout.as_mut().expect("a pipe"));
+    assert!(said.lines().any(|line| line.expect("text").starts_with("film")));
+    child
+}
+
+fn interrupt(child: &Child) {
+    let status = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(status.expect("kill runs").success());
+}
+
+/// The exit code and the standard error of a process that ends by itself.
+fn end(child: Child) -> (Option<i32>, String) {
+    let output = child.wait_with_output().expect("it ends");
+    (output.status.code(), String::from_utf8(output.stderr).expect("UTF-8"))
+}
+
+#[test]
+fn ctrl_c_leaves_files_to_go_on_from() {
+    let bench = Bench::new();
+    let scene = format!("render --scene {} --backend cpu --size 40x30", cornell());
+    let child = start(&bench, &format!("{scene} --spp 1000000 --sequence seq.exr -o x.exr"));
+    interrupt(&child);
+    let (code, said) = end(child);
+    assert_eq!(code, Some(130), "{said}");
+    let stopped = sequence(&bench, "seq.exr");
+    let samples = stopped.info.samples();
+    assert!(
+        said.contains(&format!("{samples} of 1000000 spp")) && said.contains("--resume seq.exr")
+    );
+    assert!(samples < 1_000_000 && samples.is_multiple_of(16), "whole passes, not {samples} spp");
+    assert_eq!(layers(&bench.path("x.exr"))[1].len(), 40 * 30 * 3);
+    assert_eq!(bench.files(), ["seq.exr", "x.exr", "x.png"]);
+
+    let more = samples + 3;
+    bench.succeed(&format!("{scene} --quiet --resume seq.exr --spp {more} -o x.exr"));
+    bench.succeed(&format!("{scene} --quiet --spp {more} --sequence whole.exr -o y.exr"));
+    assert!(same(&sequence(&bench, "seq.exr"), &sequence(&bench, "whole.exr")));
+    assert_eq!(layers(&bench.path("x.exr")), layers(&bench.path("y.exr")));
+}
+
+#[test]
+fn a_second_ctrl_c_ends_at_once() {
+    let bench = Bench::new();
+    bench.write("x.exr", "precious");
+    // One pass takes many seconds.
+    let scene = format!("render --scene {} --size 6000x6000 --spp 2 -o x.exr", cornell());
+    let child = start(&bench, &scene);
+    interrupt(&child);
+    std::thread::sleep(Duration::from_millis(200));
+    let begin = Instant::now();
+    interrupt(&child);
+    let (code, said) = end(child);
+    assert_eq!(code, Some(130), "{said}");
+    assert!(begin.elapsed() < Duration::from_secs(5), "{said}");
+    assert_eq!(std::fs::read(bench.path("x.exr")).expect("the old file"), b"precious");
+}
+
+#[test]
+fn ctrl_c_drops_the_run_in_progress() {
+    let bench = Bench::new();
+    let scene = format!("render --scene {} --size 8x8 --spp 9", cornell());
+    let child = start(&bench, &format!("{scene} --runs 1000000 -o runs.safetensors"));
+    std::thread::sleep(Duration::from_millis(300));
+    interrupt(&child);
+    let (code, said) = end(child);
+    assert_eq!(code, Some(130), "{said}");
+    let bytes = std::fs::read(bench.path("runs.safetensors")).expect("the dataset");
+    let tensors = SafeTensors::deserialize(&bytes).expect("a safetensors file");
+    let shape = tensors.tensor("sequences").expect("the tensor").shape().to_vec();
+    assert!((1..1_000_000).contains(&shape[0]), "{shape:?}");
+    assert!(said.contains(&format!("{} of 1000000 runs", shape[0])), "{said}");
+}
+
+/// SplitMix64 (Steele, Lea, Flood 2014).
+fn random(state: &mut u64) -> f64 {
+    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut z = *state;
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    (z ^ (z >> 31)) as f64 / u64::MAX as f64
+}
+
+/// kill -9 at 50 moments of a job that overwrites a file: what the name stands for
+/// is the old file or the new one, whole.
+#[test]
+fn a_killed_process_leaves_the_old_file_or_the_new_one() {
+    let bench = Bench::new();
+    // Short paths: most of the time goes into writing.
+    let scene = format!("render --scene {} --size 160x100 --spp 8 --quiet", cornell());
+    let render = |seed: usize| {
+        let args =
+            format!("{scene} --seed {seed} --max-depth 2 --keep all --sequence seq.exr -o x.exr");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_nst"));
+        command.args(args.split_whitespace()).current_dir(bench.path(""));
+        command
+    };
+    let begin = Instant::now();
+    let wanted = [0, 1].map(|seed| {
+        assert!(render(seed).status().expect("the binary runs").success());
+        (sequence(&bench, "seq.exr"), layers(&bench.path("x.exr")))
+    });
+    let mut whole_job = begin.elapsed() / 2;
+    // Which of the two renderings the files are, if they are whole.
+    let found = || {
+        let stored = SequenceFile::read(&bench.path("seq.exr")).ok()?;
+        let picture = layers(&bench.path("x.exr"));
+        assert!(wanted.iter().any(|(_, layers)| *layers == picture), "the picture is another");
+        wanted.iter().position(|(sequence, _)| same(sequence, &stored))
+    };
+    assert_eq!(found(), Some(1));
+
+    let mut state = 1;
+    let (mut killed, mut ended, mut current) = (0, 0, 1);
+    while killed < 50 {
+        let mut child = render(1 - current).spawn().expect("the binary runs");
+        std::thread::sleep(whole_job.mul_f64(random(&mut state)));
+        child.kill().expect("it can be killed, or has ended");
+        if child.wait().expect("it ends").signal() == Some(9) {
+            killed += 1;
+        } else {
+            // The machine is less busy than it was.
+            ended += 1;
+            whole_job = whole_job.mul_f64(0.95);
+        }
+        current = found().unwrap_or_else(|| panic!("no whole file after {killed} kills"));
+    }
+    println!("50 processes were killed, {ended} ended before");
+    assert!(ended < 200, "most processes end before they are killed");
+    for name in bench.files() {
+        let known = ["seq.exr", "x.exr", "x.png"].contains(&name.as_str());
+        assert!(known || (name.starts_with(".nst-") && name.ends_with(".tmp")), "{name}");
+    }
+    // The check must see a file that is cut off.
+    let bytes = std::fs::read(bench.path("seq.exr")).expect("the file");
+    bench.write("seq.exr", &bytes[..bytes.len() - 100]);
+    assert_eq!(found(), None);
+}
+
+#[test]
+fn a_full_disk_harms_nothing() {
+    let bench = Bench::new();
+    let job = format!(
+        "{} render --scene {} --size 64x64 --spp 8 --quiet --sequence seq.exr -o x.exr",
+        env!("CARGO_BIN_EXE_nst"),
+        cornell()
+    );
+    let shell = |script: &str| {
+        let output = Command::new("sh").args(["-c", script]).current_dir(bench.path("")).output();
+        output.expect("sh runs")
+    };
+    for name in ["seq.exr", "x.exr", "x.png"] {
+        bench.write(name, "precious");
+    }
+    // No file may be longer than so many blocks; the picture fits, the sequence does
+    // not. Without the trap, the signal would kill the process.
+    for limit in [1, 100, 400] {
+        let output = shell(&format!("trap '' XFSZ; ulimit -f {limit}; exec {job}"));
+        let said = String::from_utf8(output.stderr).expect("UTF-8");
+        assert_eq!(output.status.code(), Some(1), "{limit}: {said}");
+        assert!(said.contains("error: cannot write") && said.contains(".exr'"), "{said}");
+        assert_eq!(bench.files(), ["seq.exr", "x.exr", "x.png"], "no temporary file is left");
+        for name in bench.files() {
+            assert_eq!(std::fs::read(bench.path(&name)).expect("the old file"), b"precious");
+        }
+    }
+    assert!(shell(&format!("trap '' XFSZ; ulimit -f 100000; exec {job}")).status.success());
+    assert_eq!(sequence(&bench, "seq.exr").info.samples(), 8);
+}
