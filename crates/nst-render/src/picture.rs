@@ -202,10 +202,13 @@ fn sizes_are_plausible(chunk: &Chunk, header: &Header) -> bool {
     let block = header.max_block_pixel_size();
     let pixels = block.x().next_multiple_of(8).saturating_mul(block.y().next_multiple_of(8));
     let most = pixels.saturating_mul(4 * header.channels.bytes_per_pixel) as u64 + (1 << 16);
+    // A block that does not shrink is stored as it is.
+    let raw = header
+        .get_block_data_indices(&chunk.compressed_block)
+        .and_then(|tile| header.get_absolute_block_pixel_coordinates(tile))
+        .is_ok_and(|block| bytes.len() == block.size.area() * header.channels.bytes_per_pixel);
     let (numbers, _) = bytes.as_chunks();
-    numbers.iter().take(10).skip(1).all(|&number| u64::from_le_bytes(number) <= most)
-        // Stored as it is where it does not shrink.
-        || bytes.len() == header.max_block_byte_size()
+    raw || numbers.iter().take(10).skip(1).all(|&number| u64::from_le_bytes(number) <= most)
 }
 
 /// Converts a line of samples; u32 beyond 2²⁴ are rounded.
