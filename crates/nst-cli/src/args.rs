@@ -20,6 +20,10 @@ pub(crate) struct Args {
 pub(crate) enum Command {
     Render(RenderArgs),
     Transform(TransformArgs),
+    Pack(PackArgs),
+    Merge(MergeArgs),
+    Info(InfoArgs),
+    Compare(CompareArgs),
     Bench(BenchArgs),
 }
 
@@ -86,6 +90,97 @@ pub(crate) struct TransformArgs {
     pub(crate) output: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) method: MethodArgs,
+    #[command(flatten)]
+    pub(crate) common: CommonArgs,
+}
+
+/// Make a sequence out of another renderer's pictures.
+///
+/// EXR files of any layout are read: RGB or a single channel, f16, f32 or u32, with
+/// layers and parts. All must agree in size.
+#[derive(Debug, clap::Args)]
+pub(crate) struct PackArgs {
+    /// EXR files; with --as runs, sequence files.
+    #[arg(value_name = "EXR", required = true)]
+    pub(crate) files: Vec<PathBuf>,
+    /// What the files are.
+    #[arg(long = "as", value_enum, value_name = "KIND")]
+    pub(crate) kind: PackAs,
+    /// Sequence to write (.exr); with --as runs, the dataset (.safetensors).
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: PathBuf,
+    /// Layer to read, such as `diffuse`, or a channel by its whole name. [default: the main
+    /// picture, or the only layer]
+    #[arg(long, value_name = "LAYER")]
+    pub(crate) channels: Option<String>,
+    /// With --as samples: samples per pixel of each file. [default: what the files say]
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) spp: Option<u32>,
+    /// With --as estimates: samples per pixel of each file, as in 1,2,4,8.
+    /// [default: what the files or their names say]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) spp_list: Option<Vec<u32>>,
+    /// Name of the scene to record; networks are trained for scenes by name.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) scene: Option<String>,
+    /// Seed that the other renderer used, to record; `nst merge` needs it.
+    #[arg(long)]
+    pub(crate) seed: Option<u64>,
+    #[command(flatten)]
+    pub(crate) common: CommonArgs,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PackAs {
+    /// Independent renderings with different seeds; the sequence is that of their means.
+    Samples,
+    /// Snapshots of one progressive rendering: the terms themselves, sorted by their samples.
+    Estimates,
+    /// Sequence files of independent renderings: a dataset for training.
+    Runs,
+}
+
+/// Join sequences of one scene that were rendered with different seeds.
+#[derive(Debug, clap::Args)]
+pub(crate) struct MergeArgs {
+    /// Sequence files that agree in size, scene, sampler and terms.
+    #[arg(value_name = "EXR", required = true)]
+    pub(crate) files: Vec<PathBuf>,
+    /// Sequence to write.
+    #[arg(short, long, value_name = "EXR", value_parser = exr_path)]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) common: CommonArgs,
+}
+
+/// Say what is in a file: a sequence or picture (EXR), a scene (OBJ), a network's
+/// weights or a dataset (safetensors).
+#[derive(Debug, clap::Args)]
+pub(crate) struct InfoArgs {
+    /// The file.
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    /// Print one JSON object.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Compare pictures with a reference: MSE, relMSE and SMAPE.
+///
+/// Several pictures are taken for independent runs of one method: the error is their
+/// mean, and bias and variance are told apart.
+#[derive(Debug, clap::Args)]
+pub(crate) struct CompareArgs {
+    /// EXR pictures of any program, of one size; the last is the reference.
+    #[arg(value_name = "EXR", required = true)]
+    pub(crate) files: Vec<PathBuf>,
+    /// Layer of the pictures to compare, such as S. The reference's main picture is
+    /// always taken. [default: the main picture]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) layer: Option<String>,
+    /// Also draw each pixel's relative squared error: false colours, logarithmic.
+    #[arg(long, value_name = "PNG", value_parser = png_path)]
+    pub(crate) error_map: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) common: CommonArgs,
 }
@@ -270,6 +365,11 @@ fn size(text: &str) -> Result<[u32; 2], String> {
 fn exr_path(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     if has_extension(&path, "exr") { Ok(path) } else { Err("the name must end in .exr".to_owned()) }
+}
+
+fn png_path(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if has_extension(&path, "png") { Ok(path) } else { Err("the name must end in .png".to_owned()) }
 }
 
 /// Whether a path ends in the extension, whatever its case.

@@ -15,6 +15,9 @@ pub(crate) enum Error {
     Csv { path: PathBuf, source: csv::Error },
     #[error("--backend gpu: {0}; --backend cpu needs none")]
     Gpu(nst_core::Error),
+    /// Files that do not fit together; the message names them.
+    #[error("{0}")]
+    Files(String),
     #[error("cannot watch for Ctrl-C: {0}")]
     CtrlC(#[from] ctrlc::Error),
     /// Ctrl-C ended the job early; the exit code is that of a program so ended.

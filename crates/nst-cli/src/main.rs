@@ -19,6 +19,10 @@ fn main() -> ExitCode {
     let result = match &args.command {
         Command::Render(args) => commands::render::run(args),
         Command::Transform(args) => commands::transform::run(args),
+        Command::Pack(args) => commands::pack::run(args),
+        Command::Merge(args) => commands::merge::run(args),
+        Command::Info(args) => commands::info::run(args),
+        Command::Compare(args) => commands::compare::run(args),
         Command::Bench(args) => commands::bench::run(args),
     };
     match result {

@@ -29,29 +29,30 @@ pub(crate) struct Method {
 }
 
 impl Method {
-    /// Resolves the options for a sequence of `spp` samples of a scene.
-    pub(crate) fn resolve(args: &MethodArgs, scene: &str, spp: u32) -> Result<Self, Error> {
+    /// Resolves the options for a sequence of a scene. `counts` are the samples behind
+    /// its terms; the last alone stands for consecutive ones.
+    pub(crate) fn resolve(args: &MethodArgs, scene: &str, counts: &[u32]) -> Result<Self, Error> {
         match &args.weights {
             Some(path) => {
                 let network = Network::read(path)
                     .map_err(|source| Error::Weights { path: path.clone(), source })?;
                 Self::network(path.display().to_string(), AS_ASKED, network, args.backend)
             }
-            None => Self::named(args.transform, args.backend, scene, spp),
+            None => Self::named(args.transform, args.backend, scene, counts),
         }
     }
 
-    /// Resolves a method by name for a sequence of `spp` samples of a scene.
+    /// Resolves a method by name, as [`Self::resolve`] does.
     pub(crate) fn named(
         transform: TransformArg,
         backend: BackendArg,
         scene: &str,
-        spp: u32,
+        counts: &[u32],
     ) -> Result<Self, Error> {
         match transform {
             TransformArg::None => Ok(Self::none(AS_ASKED)),
             TransformArg::Builtin(name) => Self::network(name, AS_ASKED, builtin(name)?, backend),
-            TransformArg::Auto => match trained_on(scene, spp)? {
+            TransformArg::Auto => match trained_on(scene, counts)? {
                 Ok((name, network)) => {
                     let reason = format!("trained on this scene; {}", network.shape());
                     Self::network(name, reason, network, backend)
@@ -118,18 +119,25 @@ fn builtin(name: &str) -> Result<Network, Error> {
     Ok(network.unwrap_or_else(|| unreachable!("the command line admits built-in names only"))?)
 }
 
-/// The built-in network for this very scene and sample count, or why there is none.
-fn trained_on(scene: &str, spp: u32) -> Result<Result<(&'static str, Network), String>, Error> {
+/// The built-in network for this very scene and these terms, or why there is none.
+fn trained_on(
+    scene: &str,
+    counts: &[u32],
+) -> Result<Result<(&'static str, Network), String>, Error> {
     let wanted = format!("scene:{scene}");
     for (name, _) in BUILTIN {
         let network = builtin(name)?;
         let metadata = network.metadata();
         if metadata.trained_on.contains(&wanted) {
             let (first, last) = metadata.samples;
-            return Ok(if (first..=last).contains(&spp) {
-                Ok((name, network))
-            } else {
+            let window = &counts[counts.len().saturating_sub(metadata.window)..];
+            return Ok(if !counts.last().is_some_and(|spp| (first..=last).contains(spp)) {
                 Err(format!("network '{name}' was trained on {first} to {last} spp of this scene"))
+            } else if window.windows(2).any(|pair| pair[1] - pair[0] > 1) {
+                // As in merged sequences: they vary more than what it has seen.
+                Err(format!("network '{name}' was trained on terms that are one sample apart"))
+            } else {
+                Ok((name, network))
             });
         }
     }

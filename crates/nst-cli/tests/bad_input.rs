@@ -274,3 +274,158 @@ fn references() {
     fails(&bench, &format!("{short} ref.exr"), 2, &["cornell", "--spp"]);
     assert_eq!(std::fs::read_to_string(bench.path("out.csv")).expect("still there"), "precious");
 }
+
+/// Sequences `s1.exr` … and pictures `r1.exr` … with as many seeds, of the Cornell box.
+fn render(bench: &Bench, seeds: std::ops::RangeInclusive<u32>, options: &str) {
+    for seed in seeds {
+        bench.succeed(&format!(
+            "render --scene {} --seed {seed} --sequence s{seed}.exr -o r{seed}.exr --quiet {options}",
+            cornell()
+        ));
+    }
+}
+
+#[test]
+fn comparisons() {
+    let bench = Bench::new();
+    render(&bench, 1..=1, "--spp 8 --size 8x8");
+    render(&bench, 2..=2, "--spp 8 --size 8x9");
+    bench.succeed("pack r1.exr --channels S.R --as samples --spp 8 -o mono.exr -q");
+    bench.write("text.exr", "this is no image");
+    bench.write("map.png", "precious");
+    fails(&bench, "compare", 2, &["EXR"]);
+    fails(&bench, "compare r1.exr", 2, &["reference"]);
+    fails(&bench, "compare r1.exr gone.exr", 1, &["gone.exr", "read"]);
+    fails(&bench, "compare text.exr r1.exr", 1, &["text.exr", "EXR"]);
+    fails(&bench, "compare r1.exr r2.exr", 1, &["r1.exr", "8x8", "r2.exr", "8x9"]);
+    fails(&bench, "compare r1.exr mono.exr", 1, &["R, G, B", "mono.exr", "of Y"]);
+    fails(&bench, "compare r1.exr r1.exr --layer T", 1, &["r1.exr", "'T'", "S, Variance"]);
+    fails(&bench, "compare r1.exr r1.exr --error-map map.jpg", 2, &["--error-map", ".png"]);
+    fails(&bench, "compare r1.exr r1.exr --error-map gone/map.png", 1, &["gone/map.png"]);
+    fails(&bench, "compare r1.exr r2.exr --error-map map.png", 1, &["8x9"]);
+    assert_eq!(std::fs::read_to_string(bench.path("map.png")).expect("still there"), "precious");
+}
+
+#[test]
+fn files_that_info_does_not_know() {
+    let bench = Bench::new();
+    render(&bench, 1..=1, "--spp 8 --size 8x8");
+    bench.succeed(&format!(
+        "render --scene {} --spp 2 --size 4x4 --runs 2 -o d.safetensors -q",
+        cornell()
+    ));
+    let cut = |name: &str, from: &str, length: usize| {
+        let whole = std::fs::read(bench.path(from)).expect("a file");
+        bench.write(name, &whole[..length.min(whole.len() - 1)]);
+    };
+    cut("header.exr", "s1.exr", 300);
+    cut("cut.safetensors", "d.safetensors", usize::MAX);
+    bench.write("notes.txt", "nothing to see");
+    bench.write("empty", "");
+    bench.write("text.safetensors", "no weights at all");
+    bench.write("huge.safetensors", [&u64::MAX.to_le_bytes()[..], b"{}"].concat());
+    bench.write("other.safetensors", [&2_u64.to_le_bytes()[..], b"{}"].concat());
+    bench.write("bad.obj", "v 0 0\n");
+    for name in ["notes.txt", "empty"] {
+        fails(&bench, &format!("info {name}"), 1, &[name, "EXR", ".obj", ".safetensors"]);
+    }
+    fails(&bench, "info", 2, &["FILE"]);
+    fails(&bench, "info gone.exr", 1, &["gone.exr", "read"]);
+    fails(&bench, "info .", 1, &["'.'"]);
+    fails(&bench, "info header.exr", 1, &["header.exr", "EXR"]);
+    fails(&bench, "info bad.obj", 1, &["bad.obj", "line 1"]);
+    fails(&bench, "info text.safetensors", 1, &["text.safetensors"]);
+    fails(&bench, "info huge.safetensors", 1, &["huge.safetensors", "damaged"]);
+    fails(&bench, "info other.safetensors", 1, &["other.safetensors", "format"]);
+    fails(&bench, "info cut.safetensors", 1, &["cut.safetensors", "damaged"]);
+}
+
+#[test]
+fn packs() {
+    let bench = Bench::new();
+    render(&bench, 1..=3, "--spp 8 --size 8x8");
+    render(&bench, 4..=4, "--spp 8 --size 8x9");
+    render(&bench, 5..=5, "--spp 9 --size 8x8");
+    let whole = std::fs::read(bench.path("r1.exr")).expect("a picture");
+    bench.write("cut.exr", &whole[..whole.len() - 100]);
+    bench.write("text.exr", "this is no image");
+    bench.write("seq.exr", "precious");
+    let cases: [(&str, i32, &[&str]); 25] = [
+        ("r1.exr", 2, &["--as"]),
+        ("--as samples", 2, &["EXR"]),
+        ("r1.exr --as pictures", 2, &["pictures", "samples", "estimates", "runs"]),
+        ("r1.exr r2.exr --as samples", 2, &["r1.exr", "samplesPerPixel", "--spp"]),
+        ("r1.exr --as samples --spp 0", 2, &["--spp"]),
+        ("r1.exr --as samples --spp-list 1", 2, &["--spp-list", "--as estimates"]),
+        ("r1.exr --as estimates --spp 1", 2, &["--spp", "--as samples"]),
+        ("r1.exr r2.exr --as estimates --spp-list 1", 2, &["1 numbers for 2 files"]),
+        ("r1.exr r2.exr --as estimates --spp-list 4,4", 1, &["r1.exr", "r2.exr", "both have 4"]),
+        ("r1.exr --as estimates --channels T", 1, &["r1.exr", "'T'", "S, Variance"]),
+        ("s1.exr s2.exr --as estimates", 1, &["s1.exr", "s2.exr", "both have 8"]),
+        ("s1.exr s5.exr --as samples", 1, &["s1.exr", "s5.exr", "8", "9"]),
+        ("r1.exr r4.exr --as samples --spp 8", 1, &["r4.exr", "8x9", "r1.exr", "8x8"]),
+        ("r1.exr gone.exr --as samples --spp 8", 1, &["gone.exr", "read"]),
+        ("r1.exr text.exr --as samples --spp 8", 1, &["text.exr", "EXR"]),
+        ("r1.exr cut.exr --as samples --spp 8", 1, &["cut.exr"]),
+        ("r1.exr r2.exr r1.exr --as samples --spp 8", 1, &["r1.exr", "same pixels", "seeds"]),
+        ("r1.exr r2.exr --as samples --spp 4294967295", 1, &["too many"]),
+        ("s1.exr --as runs", 2, &["seq.exr", ".safetensors"]),
+        ("r1.exr --as runs -o d.safetensors", 1, &["r1.exr", "no sequence"]),
+        ("s1.exr s4.exr --as runs -o d.safetensors", 1, &["s1.exr", "s4.exr", "sizes"]),
+        ("s1.exr s5.exr --as runs -o d.safetensors", 1, &["s5.exr", "nst.terms"]),
+        ("s1.exr s2.exr s1.exr --as runs -o d.safetensors", 1, &["s1.exr", "seed 1"]),
+        ("s1.exr --as runs --scene x -o d.safetensors", 2, &["--scene", "--as runs"]),
+        ("r1.exr --as samples --spp 8 -o gone/seq.exr", 1, &["gone/seq.exr", "write"]),
+    ];
+    for (args, code, words) in cases {
+        let output = if args.contains("-o ") { "" } else { "-o seq.exr" };
+        fails(&bench, &format!("pack {args} {output}"), code, words);
+    }
+    fails(&bench, "pack r1.exr --as samples --spp 8", 2, &["--output"]);
+    fails(&bench, "pack r1.exr --as samples --spp 8 -o seq.png", 2, &["seq.png", ".exr"]);
+    assert_eq!(std::fs::read_to_string(bench.path("seq.exr")).expect("still there"), "precious");
+}
+
+#[test]
+fn merges() {
+    let bench = Bench::new();
+    render(&bench, 1..=3, "--spp 8 --size 8x8");
+    render(&bench, 4..=4, "--spp 8 --size 8x9");
+    render(&bench, 5..=5, "--spp 9 --size 8x8");
+    render(&bench, 6..=6, "--spp 8 --size 8x8 --sampler halton");
+    render(&bench, 7..=7, "--spp 8 --size 8x8 --max-depth 3");
+    render(&bench, 8..=8, "--spp 2 --size 8x8");
+    bench.succeed("merge s1.exr s2.exr -o merged.exr -q");
+    bench.succeed("pack r1.exr r2.exr --as samples --spp 1 -o packed.exr -q");
+    bench.succeed("pack r1.exr r2.exr --as samples --spp 1 --channels S.R --seed 1 -o mono.exr -q");
+    bench.succeed("pack r1.exr r3.exr --as samples --spp 1 --seed 9 -o seeded.exr -q");
+    bench.write("out.exr", "precious");
+    let cases: [(&str, i32, &[&str]); 13] = [
+        ("", 2, &["EXR"]),
+        ("s1.exr", 2, &["two or more"]),
+        ("s1.exr s1.exr", 1, &["s1.exr", "seed 1", "nst.seed"]),
+        ("s1.exr s4.exr", 1, &["s4.exr", "size is 8x9", "s1.exr", "8x8"]),
+        ("s1.exr s5.exr", 1, &["s5.exr", "nst.terms", "2,3,4", "s1.exr", "1,2,3"]),
+        ("s1.exr s6.exr", 1, &["s6.exr", "nst.sampler", "halton", "random"]),
+        ("s1.exr s7.exr", 1, &["s7.exr", "nst.scene", "cornell:"]),
+        ("s1.exr s8.exr", 1, &["s8.exr", "side channels", "fold0"]),
+        ("s3.exr merged.exr s2.exr", 1, &["s2.exr", "seed 2", "merged.exr"]),
+        ("packed.exr seeded.exr", 1, &["packed.exr", "nst.seed", "pack --seed"]),
+        ("seeded.exr mono.exr", 1, &["mono.exr", "channels", "R, G, B"]),
+        ("s1.exr r2.exr", 1, &["r2.exr", "no sequence"]),
+        ("s1.exr gone.exr", 1, &["gone.exr", "read"]),
+    ];
+    for (args, code, words) in cases {
+        fails(&bench, &format!("merge {args} -o out.exr"), code, words);
+    }
+    fails(&bench, "merge s1.exr s2.exr", 2, &["--output"]);
+    fails(&bench, "merge s1.exr s2.exr -o out.png", 2, &["--output", ".exr"]);
+    fails(&bench, "merge s1.exr s2.exr -o gone/out.exr", 1, &["gone/out.exr", "write"]);
+    // A file whose rows turn out to be damaged does no harm either.
+    let mut damaged = std::fs::read(bench.path("s2.exr")).expect("a sequence");
+    let end = damaged.len() - 1000;
+    damaged[end..].fill(0);
+    bench.write("damaged.exr", damaged);
+    fails(&bench, "merge s1.exr damaged.exr -o out.exr", 1, &["damaged.exr"]);
+    assert_eq!(std::fs::read_to_string(bench.path("out.exr")).expect("still there"), "precious");
+}

@@ -2,28 +2,151 @@
 //! with a single tensor `sequences` of f32 `[run][term][lane]`, written run by
 //! run and meant to be memory-mapped.
 
-use std::io::{BufWriter, Seek, SeekFrom, Write};
+use std::{
+    collections::BTreeMap,
+    fs::File,
+    io::{BufWriter, Read, Seek, SeekFrom, Write},
+    path::Path,
+};
 
 use nst_core::SequenceBatch;
+use serde::Deserialize;
 use serde_json::json;
 
 use crate::{Error, output::OutputFile};
 
-/// What the file says about its runs, all of it in the safetensors metadata.
-#[derive(Clone, Debug)]
+/// The value of the metadata key `format`.
+pub const FORMAT: &str = "nst-dataset-1";
+
+/// The most bytes that a header may take, as in safetensors' own reader.
+const MOST_HEADER: u64 = 100_000_000;
+
+/// What the file says about its runs, in the safetensors metadata and the shape.
+#[derive(Clone, Debug, PartialEq)]
 pub struct DatasetInfo {
-    /// Width and height in pixels; there are three planar channels of lanes.
+    /// Width and height in pixels.
     pub size: [u32; 2],
+    /// How many planar channels of lanes there are: 3 or 1.
+    pub channels: u32,
     /// The number of runs.
     pub runs: u32,
-    /// Terms per run: S_1 … S_N.
-    pub terms: u32,
+    /// The number of samples behind each term of a run.
+    pub sample_counts: Vec<u32>,
     /// The scene's fingerprint.
     pub scene: String,
     /// The sampler's name.
     pub sampler: String,
-    /// The seed of run 0; the others follow.
-    pub first_seed: u64,
+    /// The seed of run 0, where the others follow it.
+    pub first_seed: Option<u64>,
+}
+
+impl DatasetInfo {
+    fn lanes(&self) -> u64 {
+        u64::from(self.channels) * u64::from(self.size[0]) * u64::from(self.size[1])
+    }
+
+    /// Reads the header of a dataset.
+    ///
+    /// # Errors
+    /// [`Error::Io`] or [`Error::Image`] names the file and what is wrong with it.
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        let header = Header::read(path)?;
+        let bad = |message: String| Error::image(path, message);
+        let text = |key: &str| {
+            let value = header.metadata.get(key).map(String::as_str);
+            value.ok_or_else(|| bad(format!("metadata '{key}' is missing")))
+        };
+        if text("format")? != FORMAT {
+            return Err(bad(format!("no dataset: its format is '{}'", text("format")?)));
+        }
+        let number = |key: &str, text: &str| {
+            text.parse().map_err(|_| bad(format!("metadata '{key}' is '{text}', no number")))
+        };
+        let size = [number("width", text("width")?)?, number("height", text("height")?)?];
+        let tensor = header.tensors.get("sequences");
+        let Some(&[runs, terms, lanes]) = tensor.map(|tensor| tensor.shape.as_slice()) else {
+            return Err(bad("no tensor 'sequences' of [run, term, lane]".into()));
+        };
+        let sample_counts = match header.metadata.get("sample_counts") {
+            Some(counts) => counts
+                .split(',')
+                .map(|count| number("sample_counts", count))
+                .collect::<Result<Vec<_>, _>>()?,
+            None => (1..=u32::try_from(terms).unwrap_or(0)).collect(),
+        };
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
+        let bytes = [4, runs, terms, lanes].into_iter().try_fold(1, u64::checked_mul);
+        let consistent = sample_counts.len() as u64 == terms
+            && [pixels, 3 * pixels].contains(&lanes)
+            && bytes == Some(header.data_bytes);
+        if !consistent {
+            return Err(bad(format!(
+                "damaged: [{runs}, {terms}, {lanes}] numbers for {} terms of {}x{} pixels, in {} bytes",
+                sample_counts.len(),
+                size[0],
+                size[1],
+                header.data_bytes
+            )));
+        }
+        let first_seed = header.metadata.get("first_seed");
+        Ok(Self {
+            size,
+            channels: if lanes == pixels { 1 } else { 3 },
+            runs: u32::try_from(runs).map_err(|_| bad(format!("{runs} runs are too many")))?,
+            sample_counts,
+            scene: text("scene")?.to_owned(),
+            sampler: text("sampler")?.to_owned(),
+            first_seed: first_seed.and_then(|seed| seed.parse().ok()),
+        })
+    }
+}
+
+/// The metadata key `format` of any safetensors file; empty without one.
+///
+/// # Errors
+/// [`Error::Io`] or [`Error::Image`] names the file and what is wrong with it.
+pub fn safetensors_format(path: &Path) -> Result<String, Error> {
+    Ok(Header::read(path)?.metadata.remove("format").unwrap_or_default())
+}
+
+/// The header of a safetensors file.
+struct Header {
+    metadata: BTreeMap<String, String>,
+    tensors: BTreeMap<String, Tensor>,
+    /// How many bytes follow the header.
+    data_bytes: u64,
+}
+
+#[derive(Deserialize)]
+struct Tensor {
+    shape: Vec<u64>,
+}
+
+impl Header {
+    fn read(path: &Path) -> Result<Self, Error> {
+        let failed = |error| Error::io("read", path, error);
+        let damaged = || Error::image(path, "not a safetensors file, or a damaged one");
+        let mut file = File::open(path).map_err(failed)?;
+        let length = file.metadata().map_err(failed)?.len();
+        let mut start = [0; 8];
+        file.read_exact(&mut start).map_err(|_| damaged())?;
+        let header = u64::from_le_bytes(start);
+        if header > MOST_HEADER || header > length.saturating_sub(8) {
+            return Err(damaged());
+        }
+        let mut bytes = vec![0; header as usize];
+        file.read_exact(&mut bytes).map_err(failed)?;
+        let mut entries: BTreeMap<String, serde_json::Value> =
+            serde_json::from_slice(&bytes).map_err(|_| damaged())?;
+        let metadata = entries.remove("__metadata__").unwrap_or_else(|| json!({}));
+        let metadata = serde_json::from_value(metadata).map_err(|_| damaged())?;
+        let tensors = entries
+            .into_iter()
+            .map(|(name, value)| Ok((name, serde_json::from_value(value)?)))
+            .collect::<Result<_, serde_json::Error>>()
+            .map_err(|_| damaged())?;
+        Ok(Self { metadata, tensors, data_bytes: length - 8 - header })
+    }
 }
 
 /// Writes a dataset.
@@ -54,8 +177,7 @@ impl DatasetWriter {
     /// [`Error::Settings`] if its shape is not that of the header or if there are
     /// too many, [`Error::Io`] if it cannot be written.
     pub fn push(&mut self, run: &SequenceBatch) -> Result<(), Error> {
-        let lanes = 3 * self.info.size[0] as usize * self.info.size[1] as usize;
-        let shape = (self.info.terms as usize, lanes);
+        let shape = (self.info.sample_counts.len(), self.info.lanes() as usize);
         if run.terms().dim() != shape || self.written == self.info.runs {
             return Err(Error::Settings(format!(
                 "run {} of {} has the shape {:?}, not {shape:?}",
@@ -94,20 +216,25 @@ impl DatasetWriter {
 
 /// The JSON header, `length` bytes long or as long as it needs to be.
 fn header(info: &DatasetInfo, runs: u32, length: usize) -> Vec<u8> {
-    let lanes = 3 * u64::from(info.size[0]) * u64::from(info.size[1]);
-    let bytes = 4 * u64::from(runs) * u64::from(info.terms) * lanes;
+    let (lanes, terms) = (info.lanes(), info.sample_counts.len() as u64);
+    let bytes = 4 * u64::from(runs) * terms * lanes;
+    let counts: Vec<_> = info.sample_counts.iter().map(u32::to_string).collect();
+    let mut metadata = json!({
+        "format": FORMAT,
+        "width": info.size[0].to_string(),
+        "height": info.size[1].to_string(),
+        "sample_counts": counts.join(","),
+        "scene": info.scene,
+        "sampler": info.sampler,
+    });
+    if let Some(seed) = info.first_seed {
+        metadata["first_seed"] = seed.to_string().into();
+    }
     let header = json!({
-        "__metadata__": {
-            "format": "nst-dataset-1",
-            "width": info.size[0].to_string(),
-            "height": info.size[1].to_string(),
-            "scene": info.scene,
-            "sampler": info.sampler,
-            "first_seed": info.first_seed.to_string(),
-        },
+        "__metadata__": metadata,
         "sequences": {
             "dtype": "F32",
-            "shape": [u64::from(runs), u64::from(info.terms), lanes],
+            "shape": [u64::from(runs), terms, lanes],
             "data_offsets": [0, bytes],
         },
     });
@@ -130,21 +257,25 @@ mod tests {
         let path = folder.path().join("x.safetensors");
         let info = DatasetInfo {
             size: [1, 1],
+            channels: 3,
             runs: 1_000_000,
-            terms: 2,
+            sample_counts: vec![1, 2],
             scene: "s".into(),
             sampler: "random".into(),
-            first_seed: 7,
+            first_seed: Some(7),
         };
         let run = SequenceBatch::new(Array2::ones((2, 3)), vec![1, 2])?;
         assert!(DatasetWriter::new(OutputFile::create(&path)?, info.clone())?.finish().is_err());
-        let mut writer = DatasetWriter::new(OutputFile::create(&path)?, info)?;
+        let mut writer = DatasetWriter::new(OutputFile::create(&path)?, info.clone())?;
         writer.push(&run)?;
         writer.push(&run)?;
         writer.finish()?;
         let bytes = std::fs::read(&path)?;
         let tensors = SafeTensors::deserialize(&bytes)?;
         assert_eq!(tensors.tensor("sequences")?.shape(), [2, 2, 3]);
+        assert_eq!(DatasetInfo::read(&path)?, DatasetInfo { runs: 2, ..info });
+        std::fs::write(&path, &bytes[..bytes.len() - 1])?;
+        assert!(DatasetInfo::read(&path).is_err_and(|e| e.to_string().contains("damaged")));
         Ok(())
     }
 }

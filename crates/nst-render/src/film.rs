@@ -132,9 +132,18 @@ pub fn write_png(output: &mut OutputFile, size: [u32; 2], rgb: &[f32]) -> Result
     let bytes: Vec<u8> = (0..pixels)
         .flat_map(|i| [0, 1, 2].map(|channel| srgb_byte(rgb[channel * pixels + i])))
         .collect();
+    write_rgb8(output, size, &bytes)
+}
+
+/// Writes a PNG of bytes `[y][x][channel]`, as they are.
+pub(crate) fn write_rgb8(
+    output: &mut OutputFile,
+    size: [u32; 2],
+    bytes: &[u8],
+) -> Result<(), Error> {
     let mut png = Vec::new();
     PngEncoder::new(&mut png)
-        .write_image(&bytes, size[0], size[1], ExtendedColorType::Rgb8)
+        .write_image(bytes, size[0], size[1], ExtendedColorType::Rgb8)
         .map_err(|error| Error::image(output.path(), error.to_string()))?;
     output.file().write_all(&png).map_err(|error| Error::io("write", output.path(), error))
 }

@@ -56,7 +56,7 @@ fn bench_scene(args: &BenchSceneArgs) -> Result<(), Error> {
     for &spp in &args.spp {
         let transforms = [TransformArg::None].iter().chain(&args.transform);
         let methods = transforms
-            .map(|&transform| Method::named(transform, args.backend, &fingerprint, spp))
+            .map(|&transform| Method::named(transform, args.backend, &fingerprint, &[spp]))
             .collect::<Result<Vec<_>, _>>()?;
         for method in &methods {
             method.check_terms(spp as usize, "leave this sample count out of --spp")?;

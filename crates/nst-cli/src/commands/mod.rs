@@ -1,4 +1,8 @@
 pub(crate) mod bench;
+pub(crate) mod compare;
+pub(crate) mod info;
+pub(crate) mod merge;
+pub(crate) mod pack;
 pub(crate) mod render;
 mod resume;
 pub(crate) mod transform;
@@ -7,6 +11,9 @@ use nst_core::{Estimates, SequenceBatch};
 use nst_render::{VARIANCE, film, output::OutputFile};
 
 use crate::{args::CommonArgs, error::Error};
+
+/// The most numbers or names that a line of text lists.
+const MOST_LISTED: usize = 12;
 
 /// Writes the transformed picture with the layers `S` and `Variance`.
 fn write_picture(
@@ -29,4 +36,22 @@ fn set_threads(args: &CommonArgs) -> Result<(), Error> {
             .map_err(|error| Error::Usage(format!("--threads {threads}: {error}")))?;
     }
     Ok(())
+}
+
+/// Numbers, as [`list`] does names.
+fn numbers(numbers: &[u32]) -> String {
+    list(&numbers.iter().map(u32::to_string).collect::<Vec<_>>(), "none")
+}
+
+/// Names one after the other; the middle of a long list is left out.
+fn list(names: &[impl AsRef<str>], none: &str) -> String {
+    let names: Vec<_> = names.iter().map(AsRef::as_ref).collect();
+    match names.len() {
+        0 => none.to_owned(),
+        1..=MOST_LISTED => names.join(", "),
+        count => {
+            let (start, end) = (&names[..MOST_LISTED / 2], &names[count - MOST_LISTED / 2..]);
+            format!("{}, …, {} ({count})", start.join(", "), end.join(", "))
+        }
+    }
 }

@@ -38,7 +38,7 @@ fn picture(args: &RenderArgs) -> Result<(), Error> {
     let scene = timed(&mut watch.io, || load_scene(args, stored))?;
     let exr_path = args.output(&scene.name)?;
     let fingerprint = scene.fingerprint();
-    let method = Method::resolve(&args.method, &fingerprint, args.spp)?;
+    let method = Method::resolve(&args.method, &fingerprint, &[args.spp])?;
     let advice = format!("use --spp {} or more, or --transform none", method.transform.window());
     method.check_terms(args.spp as usize, &advice)?;
     let settings = match &resumed {
@@ -76,7 +76,7 @@ fn picture(args: &RenderArgs) -> Result<(), Error> {
     let method = if samples == args.spp {
         method
     } else {
-        Method::resolve(&args.method, &fingerprint, samples)?
+        Method::resolve(&args.method, &fingerprint, &[samples])?
     };
 
     let mut estimates = Estimates::default();
@@ -152,11 +152,12 @@ fn dataset(args: &RenderArgs, runs: u32) -> Result<(), Error> {
     };
     let info = DatasetInfo {
         size: scene.size,
+        channels: 3,
         runs,
-        terms: args.spp,
+        sample_counts: (1..=args.spp).collect(),
         scene: scene.fingerprint(),
         sampler: settings.sampler.name().to_owned(),
-        first_seed: settings.seed,
+        first_seed: Some(settings.seed),
     };
     let mut writer = DatasetWriter::new(OutputFile::create(&path)?, info)?;
     interrupt::watch()?;

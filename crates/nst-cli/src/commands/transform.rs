@@ -18,7 +18,7 @@ pub(crate) fn run(args: &TransformArgs) -> Result<(), Error> {
     let mut watch = Stopwatch::start();
     let mut reader = timed(&mut watch.io, || SequenceReader::open(&args.sequence))?;
     let info = reader.info().clone();
-    let method = Method::resolve(&args.method, &info.scene, info.samples())?;
+    let method = Method::resolve(&args.method, &info.scene, &info.sample_counts)?;
     let advice = format!(
         "store more of them in '{}' with 'nst render --keep all', or use --transform none",
         args.sequence.display()

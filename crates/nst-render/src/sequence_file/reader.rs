@@ -55,9 +55,13 @@ impl SequenceReader {
                 "attribute 'nst.terms': sample counts must start at 1 or above and increase";
             return Err(Error::image(path, message));
         }
-        let unknown_seed = header.text("nst.seed")?.is_empty();
-        let seeds = if unknown_seed { Vec::new() } else { header.numbers("nst.seed")? };
-        let (scene, sampler) = (header.text("nst.scene")?, header.text("nst.sampler")?);
+        // Samples of another program may have none of these.
+        let seeds = match header.optional("nst.seed")?.as_deref() {
+            None | Some("") => Vec::new(),
+            Some(_) => header.numbers("nst.seed")?,
+        };
+        let scene = header.optional("nst.scene")?.unwrap_or_default();
+        let sampler = header.optional("nst.sampler")?.unwrap_or_default();
         let render_seconds = match rows.attribute("renderTimeSeconds") {
             Some(Attribute::F32(seconds)) if seconds.is_finite() && seconds > 0.0 => seconds,
             _ => 0.0,

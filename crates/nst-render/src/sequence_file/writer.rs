@@ -149,6 +149,8 @@ fn attributes(info: &SequenceInfo) -> Attributes {
         attributes.push(("nst.maxDepth", Attribute::Text(max_depth.to_string())));
         attributes.push(("nst.russianRoulette", text(if russian_roulette { "on" } else { "off" })));
     }
+    // What is not known is left out: some programs drop empty texts when they copy a file.
+    attributes.retain(|(_, value)| *value != Attribute::Text(String::new()));
     attributes.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 

@@ -1,0 +1,210 @@
+//! `nst compare`: how far pictures are from a reference.
+
+use std::fmt::Write;
+
+use nst_core::metrics::{Decomposition, EPSILON, Means, Metric, RunErrors, TRIMMED};
+use nst_render::{false_color, output::OutputFile, picture::Picture};
+use serde::Serialize;
+
+use super::set_threads;
+use crate::{args::CompareArgs, error::Error};
+
+/// The range of the error map. The same for all pictures, so that maps compare.
+const MAP_SCALE: [f64; 2] = [1e-5, 1e1];
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Report {
+    reference: String,
+    width: u32,
+    height: u32,
+    channels: usize,
+    runs: usize,
+    epsilon: f64,
+    trimmed_pixels: usize,
+    /// Pixels that are not finite in some channel, summed over the runs.
+    nonfinite_pixels: usize,
+    mse: Row,
+    relmse: Row,
+    smape: Row,
+    error_map: Option<Map>,
+}
+
+/// A metric: means over the runs. What needs two runs, or a square, may be missing.
+#[derive(Serialize)]
+struct Row {
+    error: f64,
+    standard_error: Option<f64>,
+    trimmed: f64,
+    bias_squared: Option<f64>,
+    variance: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Map {
+    file: String,
+    metric: &'static str,
+    formula: &'static str,
+    scale: &'static str,
+    colors: &'static str,
+    low: f64,
+    high: f64,
+}
+
+pub(crate) fn run(args: &CompareArgs) -> Result<(), Error> {
+    set_threads(&args.common)?;
+    let Some((reference_path, pictures @ [_, ..])) = args.files.split_last() else {
+        let message = "nothing to compare; name one or more pictures, and then the reference";
+        return Err(Error::Usage(message.into()));
+    };
+    let reference = Picture::open(reference_path, None)?;
+    let runs = pictures
+        .iter()
+        .map(|path| Picture::open(path, args.layer.as_deref()))
+        .collect::<Result<Vec<_>, _>>()?;
+    for run in &runs {
+        check_comparable(run, &reference)?;
+    }
+    let mut map = args.error_map.as_deref().map(OutputFile::create).transpose()?;
+
+    let truth = reference.read()?;
+    let channels = reference.channel_names.len();
+    let mut errors = RunErrors::new(&truth, channels)?;
+    let mut means = Vec::new();
+    let mut nonfinite_pixels = 0;
+    for run in &runs {
+        let (run, nonfinite) = errors.push(&run.read()?)?;
+        means.push(run);
+        nonfinite_pixels += nonfinite;
+    }
+    if let Some(output) = &mut map {
+        false_color::write_png(output, reference.size, errors.relative_error_map(), MAP_SCALE)?;
+    }
+
+    let row = |index: usize| {
+        let of_metric: Vec<Means> = means.iter().map(|run| run[index]).collect();
+        Row::new(&of_metric, errors.decomposition(Metric::ALL[index]))
+    };
+    let report = Report {
+        reference: reference_path.display().to_string(),
+        width: reference.size[0],
+        height: reference.size[1],
+        channels,
+        runs: runs.len(),
+        epsilon: EPSILON,
+        trimmed_pixels: errors.trimmed_pixels(),
+        nonfinite_pixels,
+        mse: row(0),
+        relmse: row(1),
+        smape: row(2),
+        error_map: map.as_ref().map(|output| Map {
+            file: output.path().display().to_string(),
+            metric: "relMSE",
+            formula: "(x − I)² / (I² + 0.01)",
+            scale: "log10",
+            colors: "inferno",
+            low: MAP_SCALE[0],
+            high: MAP_SCALE[1],
+        }),
+    };
+    if let Some(output) = map {
+        output.commit()?;
+    }
+    if args.common.json {
+        println!("{}", serde_json::to_string(&report).expect("numbers and strings serialise"));
+    } else if !args.common.quiet {
+        print!("{}", report.text());
+    }
+    Ok(())
+}
+
+fn check_comparable(run: &Picture, reference: &Picture) -> Result<(), Error> {
+    let of = |picture: &Picture| {
+        let [width, height] = picture.size;
+        format!("{width}x{height} pixels of {}", picture.channel_names.join(", "))
+    };
+    if run.size == reference.size && run.channel_names.len() == reference.channel_names.len() {
+        return Ok(());
+    }
+    Err(Error::Files(format!(
+        "'{}' has {}, but the reference '{}' has {}; only like can be compared with like",
+        run.path().display(),
+        of(run),
+        reference.path().display(),
+        of(reference)
+    )))
+}
+
+impl Row {
+    fn new(runs: &[Means], decomposition: Option<Decomposition>) -> Self {
+        let count = runs.len() as f64;
+        let error = runs.iter().map(|run| run.all).sum::<f64>() / count;
+        let squares = runs.iter().map(|run| (run.all - error).powi(2)).sum::<f64>();
+        Self {
+            error,
+            standard_error: (runs.len() > 1).then(|| (squares / (count - 1.0) / count).sqrt()),
+            trimmed: runs.iter().map(|run| run.trimmed).sum::<f64>() / count,
+            bias_squared: decomposition.map(|parts| parts.bias_squared),
+            variance: decomposition.map(|parts| parts.variance),
+        }
+    }
+}
+
+impl Report {
+    fn text(&self) -> String {
+        let mut text = String::new();
+        let Self { runs, reference, width, height, trimmed_pixels, .. } = self;
+        let plural = |count: usize, what: &str| match count {
+            1 => format!("1 {what}"),
+            _ => format!("{count} {what}s"),
+        };
+        let mut line = |line: String| {
+            writeln!(text, "{}", line.trim_end()).expect("a string grows");
+        };
+        line(format!(
+            "{} against {reference}: {width}x{height} pixels, {}",
+            plural(*runs, "picture"),
+            plural(self.channels, "channel")
+        ));
+        let (spread, parts) = if *runs > 1 {
+            (format!("{:>11}", "± s.e."), format!("{:>12}{:>12}", "bias²", "variance"))
+        } else {
+            Default::default()
+        };
+        line(format!("{:42}{:>11}{spread}{:>12}{parts}", "", "error", "trimmed"));
+        for (metric, row) in Metric::ALL.into_iter().zip([&self.mse, &self.relmse, &self.smape]) {
+            let optional = |value: Option<f64>, width: usize| match value {
+                Some(value) => format!("{value:>width$.3e}"),
+                None if *runs > 1 => format!("{:>width$}", "–"),
+                None => String::new(),
+            };
+            line(format!(
+                "{:8}{:34}{:>11.4e}{}{:>12.4e}{}{}",
+                metric.name(),
+                metric.formula(),
+                row.error,
+                optional(row.standard_error, 11),
+                row.trimmed,
+                optional(row.bias_squared, 12),
+                optional(row.variance, 12)
+            ));
+        }
+        line(format!(
+            "trimmed: without the {} of largest error ({} %) of each picture",
+            plural(*trimmed_pixels, "pixel"),
+            100.0 * TRIMMED
+        ));
+        line(format!("not finite: {}, left out", plural(self.nonfinite_pixels, "pixel")));
+        if *runs > 1 {
+            line("error: the mean over the pictures, taken for independent runs; it is bias² + variance".into());
+            line("variance: s² = Σ (x − x̄)² / (R − 1); bias²: (x̄ − I)² − s² / R, which may be below 0".into());
+        }
+        if let Some(map) = &self.error_map {
+            line(format!(
+                "wrote {}: {} of each pixel, {}, {} from {:e} (black) to {:e} (yellow); cyan is not finite",
+                map.file, map.formula, map.colors, map.scale, map.low, map.high
+            ));
+        }
+        text
+    }
+}

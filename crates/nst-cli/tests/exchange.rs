@@ -1,0 +1,206 @@
+//! Comparing, describing, packing and merging files, from the command line.
+
+mod common;
+
+use std::path::Path;
+
+use common::{Bench, cornell};
+use nst_core::metrics;
+use nst_render::{film::read_exr_layer, sequence_file::SequenceFile};
+use serde_json::Value;
+
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).expect("one JSON object")
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+fn sequence(path: &Path) -> SequenceFile {
+    SequenceFile::read(path).expect("a sequence")
+}
+
+/// Renders the Cornell box with several seeds: `s1.exr` and so on, pictures `r1.exr`.
+fn render(bench: &Bench, seeds: impl IntoIterator<Item = u64>, options: &str) {
+    for seed in seeds {
+        bench.succeed(&format!(
+            "render --scene {} --seed {seed} --sequence s{seed}.exr -o r{seed}.exr --quiet \
+             --transform none {options}",
+            cornell()
+        ));
+    }
+}
+
+#[test]
+fn compare_takes_errors_apart() {
+    let bench = Bench::new();
+    render(&bench, 1..=4, "--spp 8 --size 20x20");
+    let said = bench.succeed("compare r1.exr r2.exr r3.exr r4.exr --json --error-map map.png");
+    let report = json(&said);
+    let picture = |name: &str| read_exr_layer(&bench.path(name), "").expect("a picture").1;
+    let reference = picture("r4.exr");
+    let errors = ["r1.exr", "r2.exr", "r3.exr"]
+        .map(|name| metrics::error(&picture(name), &reference).expect("one length"));
+    let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-9, "{a} is not {b}");
+    let mean = |of: fn(&metrics::ErrorSummary) -> f64| errors.iter().map(of).sum::<f64>() / 3.0;
+    close(number(&report["mse"]["error"]), mean(|e| e.mse));
+    close(number(&report["relmse"]["error"]), mean(|e| e.relmse));
+    close(number(&report["smape"]["error"]), mean(|e| e.smape));
+    for metric in ["mse", "relmse"] {
+        let row = &report[metric];
+        close(number(&row["bias_squared"]) + number(&row["variance"]), number(&row["error"]));
+        assert!(number(&row["standard_error"]) > 0.0);
+    }
+    assert!(report["smape"]["bias_squared"].is_null());
+    assert_eq!((&report["runs"], &report["nonfinite_pixels"]), (&3.into(), &0.into()));
+    assert!(bench.files().contains(&"map.png".to_owned()));
+    let png = std::fs::read(bench.path("map.png")).expect("the map");
+    assert!(png.starts_with(b"\x89PNG"));
+
+    let said = bench.succeed("compare r1.exr --layer Variance r1.exr");
+    for word in ["(x − I)² / (I² + 0.01)", "trimmed", "not finite: 0 pixels"] {
+        assert!(said.contains(word), "'{word}' is not in:\n{said}");
+    }
+    // Itself, and the wrong picture.
+    let same = json(&bench.succeed("compare r1.exr r1.exr --json"));
+    assert_eq!((number(&same["mse"]["error"]), &same["mse"]["variance"]), (0.0, &Value::Null));
+    assert!(number(&json(&bench.succeed("compare r1.exr r2.exr --json"))["mse"]["error"]) > 0.0);
+}
+
+#[test]
+fn info_knows_each_kind_of_file() {
+    let bench = Bench::new();
+    let scene = cornell();
+    render(&bench, [7], "--spp 9 --size 12x10");
+    bench.succeed(&format!(
+        "render --scene {scene} --spp 3 --size 5x4 --runs 2 -o d.safetensors -q"
+    ));
+    let (_, weights) = nst_core::BUILTIN[0];
+    bench.write("w.safetensors", weights);
+    let info = |file: &str| {
+        let said = bench.succeed(&format!("info {file}"));
+        assert!(said.starts_with(&format!("{file}: ")), "{said}");
+        json(&bench.succeed(&format!("info {file} --json")))
+    };
+    let sequence = info("s7.exr");
+    assert_eq!((&sequence["kind"], &sequence["seeds"]), (&"sequence".into(), &[7].into()));
+    assert_eq!(sequence["sample_counts"], Value::from((2..=9).collect::<Vec<u32>>()));
+    assert_eq!((&sequence["width"], &sequence["height"]), (&12.into(), &10.into()));
+    let picture = info("r7.exr");
+    assert_eq!(picture["kind"], "picture");
+    assert_eq!(picture["parts"][0]["layers"], Value::from(vec!["", "S", "Variance"]));
+    let dataset = info("d.safetensors");
+    assert_eq!((&dataset["kind"], &dataset["runs"]), (&"dataset".into(), &2.into()));
+    assert_eq!(dataset["sample_counts"], Value::from(vec![1, 2, 3]));
+    let weights = info("w.safetensors");
+    assert_eq!((&weights["kind"], &weights["window"]), (&"weights".into(), &8.into()));
+    let scene = info(&scene);
+    assert_eq!((&scene["kind"], &scene["triangles"]), (&"scene".into(), &38.into()));
+    assert_eq!(scene["networks"], Value::from(vec!["cornell"]));
+    assert_eq!(scene["fingerprint"], sequence["scene"]);
+}
+
+#[test]
+fn renderings_become_a_sequence_that_can_be_transformed() {
+    let bench = Bench::new();
+    render(&bench, 1..=9, "--spp 2 --size 14x40");
+    let files: String = (1..=9).map(|seed| format!(" r{seed}.exr")).collect();
+    let said = bench.succeed(&format!("pack{files} --as samples --spp 2 --scene box -o seq.exr"));
+    for word in ["9 of 14x40 pixels", "R, G, B", "--spp", "r1.exr, r2.exr"] {
+        assert!(said.contains(word), "'{word}' is not in:\n{said}");
+    }
+    let packed = sequence(&bench.path("seq.exr"));
+    assert_eq!(packed.info.sample_counts, [2, 4, 6, 8, 10, 12, 14, 16, 18]);
+    assert_eq!((packed.info.scene.as_str(), packed.info.seeds.len()), ("box", 0));
+    let first = read_exr_layer(&bench.path("r1.exr"), "").expect("a picture").1;
+    assert_eq!(packed.batch.term(0), first);
+    let said = bench.succeed("transform seq.exr --transform families --backend cpu --json");
+    assert_eq!(json(&said)["lanes"], 14 * 40 * 3);
+
+    // A single channel is a monochrome sequence.
+    bench.succeed(&format!("pack{files} --as samples --spp 2 --channels S.G -o mono.exr -q"));
+    let mono = sequence(&bench.path("mono.exr"));
+    assert_eq!(mono.batch.lanes(), 14 * 40);
+    assert_eq!(mono.batch.last(), &packed.batch.last()[14 * 40..2 * 14 * 40]);
+
+    // Snapshots are sorted by their samples, which sequence files have as an attribute.
+    render(&bench, [20], "--spp 5 --size 14x40");
+    render(&bench, [21], "--spp 3 --size 14x40");
+    let said = bench.succeed("pack s20.exr s21.exr --as estimates -o e.exr");
+    assert!(said.contains("3, 5 per pixel (attribute samplesPerPixel)"), "{said}");
+    let estimates = sequence(&bench.path("e.exr"));
+    assert_eq!(estimates.info.sample_counts, [3, 5]);
+    assert_eq!(estimates.batch.term(0), sequence(&bench.path("s21.exr")).batch.last());
+    assert_eq!(estimates.batch.sides().count(), 0);
+    bench.succeed("pack s20.exr s21.exr --as estimates --spp-list 7,9 -o e.exr -q");
+    assert_eq!(sequence(&bench.path("e.exr")).info.sample_counts, [7, 9]);
+}
+
+#[test]
+fn sequences_of_runs_become_the_dataset_that_render_writes() {
+    let bench = Bench::new();
+    let size = "--spp 4 --size 6x5";
+    render(&bench, 5..=7, &format!("{size} --keep all"));
+    bench.succeed("pack s5.exr s6.exr s7.exr --as runs -o packed.safetensors -q");
+    let scene = cornell();
+    bench.succeed(&format!(
+        "render --scene {scene} {size} --seed 5 --runs 3 -o rendered.safetensors -q"
+    ));
+    let bytes = |name: &str| std::fs::read(bench.path(name)).expect("a dataset");
+    assert_eq!(bytes("packed.safetensors"), bytes("rendered.safetensors"));
+    bench.succeed("pack s5.exr s7.exr s6.exr --as runs -o packed.safetensors -q");
+    let info = json(&bench.succeed("info packed.safetensors --json"));
+    assert!(info["first_seed"].is_null(), "{info}");
+}
+
+#[test]
+fn merged_sequences_are_means() {
+    let bench = Bench::new();
+    render(&bench, 1..=3, "--spp 10 --size 9x33");
+    bench.succeed("merge s1.exr s2.exr -o m.exr -q");
+    let said = bench.succeed("merge m.exr s3.exr -o all.exr");
+    for word in ["2 of 9x33 pixels", "1, 2, 3", "9, 12, 15, 18, 21, 24, 27, 30"] {
+        assert!(said.contains(word), "'{word}' is not in:\n{said}");
+    }
+    let parts = [1, 2, 3].map(|seed| sequence(&bench.path(&format!("s{seed}.exr"))).batch);
+    let merged = sequence(&bench.path("all.exr"));
+    assert_eq!((merged.info.seeds.as_slice(), merged.info.resume), (&[1, 2, 3][..], None));
+    let mean = |of: &dyn Fn(usize) -> f32| (0..3).map(|i| f64::from(of(i))).sum::<f64>() / 3.0;
+    // Rounded to f32 once more than necessary, in m.exr.
+    let close = |a: f32, b: f64| assert!((f64::from(a) - b).abs() <= 2e-7 * b, "{a} is not {b}");
+    for lane in 0..merged.batch.lanes() {
+        for k in 0..8 {
+            close(merged.batch.term(k)[lane], mean(&|i| parts[i].term(k)[lane]));
+        }
+        for (name, values) in merged.batch.sides() {
+            let divisor = if name == "Variance" { 3.0 } else { 1.0 };
+            let expected = mean(&|i| parts[i].side(name).expect("a side channel")[lane]);
+            close(values[lane], expected / divisor);
+        }
+    }
+    // Networks were trained on consecutive terms.
+    let said = bench.succeed("transform all.exr");
+    assert!(said.contains("transform  none") && said.contains("one sample apart"), "{said}");
+}
+
+/// The variance that merged files state is that of their difference; the wrong
+/// weights would be wrong by the number of files.
+#[test]
+fn merged_variances_are_true() {
+    let bench = Bench::new();
+    render(&bench, 0..6, "--spp 64 --size 48x48 --integrator direct");
+    bench.succeed("merge s0.exr s1.exr s2.exr -o a.exr -q");
+    bench.succeed("merge s3.exr s4.exr s5.exr -o b.exr -q");
+    let [a, b] = ["a.exr", "b.exr"].map(|name| sequence(&bench.path(name)).batch);
+    let (mut squares, mut variances) = (0.0, 0.0);
+    for lane in 0..a.lanes() {
+        squares += f64::from(a.last()[lane] - b.last()[lane]).powi(2);
+        for batch in [&a, &b] {
+            variances += f64::from(batch.side("Variance").expect("a variance")[lane]);
+        }
+    }
+    // Thousands of lanes; the few at the light's edge weigh most.
+    let ratio = squares / variances;
+    assert!((0.8..1.25).contains(&ratio), "{ratio}");
+}

@@ -1,0 +1,239 @@
+//! Damaged EXR pictures of other programs: reading them gives an error or a picture;
+//! it never panics, and never asks for memory that the file's length does not justify.
+//!
+//! It is the only test of its binary, so that nothing else moves the peak.
+//! `NST_FUZZ_CASES=20000 cargo test -p nst-render --test fuzz_picture` tries more.
+
+// A global allocator is unsafe by nature; this one counts, and passes on.
+#![allow(unsafe_code)]
+
+use std::{
+    alloc::{GlobalAlloc, Layout, System},
+    panic::catch_unwind,
+    path::Path,
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicUsize, Ordering::Relaxed},
+    },
+};
+
+use exr::prelude::*;
+use nst_render::{exr_header::ExrHeader, picture::Picture};
+
+struct Counting;
+
+static LIVE: AtomicUsize = AtomicUsize::new(0);
+static PEAK: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: every call goes to the system's allocator as it is.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        PEAK.fetch_max(LIVE.fetch_add(layout.size(), Relaxed) + layout.size(), Relaxed);
+        // SAFETY: the caller keeps the contract.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        LIVE.fetch_sub(layout.size(), Relaxed);
+        // SAFETY: as above.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// The most that was allocated at once while `work` ran, beyond what was before.
+fn peak_of<T>(work: impl FnOnce() -> T) -> (T, usize) {
+    let before = LIVE.load(Relaxed);
+    PEAK.store(before, Relaxed);
+    let result = work();
+    (result, PEAK.load(Relaxed) - before)
+}
+
+/// Cases for each file, unless the environment asks for others.
+const CASES_PER_FILE: u64 = 750;
+
+/// What reading a file of so many bytes may allocate at once. Deflate makes 1032 bytes
+/// out of one; they are there decompressed, in the decompressor's other buffers, and as
+/// lanes, and 16 bits become 32.
+fn allowed(bytes: usize) -> usize {
+    (4 << 20) + 8 * 1032 * bytes
+}
+
+/// SplitMix64 (Steele, Lea, Flood 2014).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    fn below(&mut self, end: usize) -> usize {
+        (self.next() % end.max(1) as u64) as usize
+    }
+
+    fn pick<T: Copy>(&mut self, from: &[T]) -> T {
+        from[self.below(from.len())]
+    }
+}
+
+const NUMBERS: [u32; 12] = [
+    0,
+    1,
+    2,
+    255,
+    0xffff,
+    0x10_0000,
+    0x3fff_ffff,
+    0x7fff_ffff,
+    0x8000_0000,
+    0x8000_0001,
+    0xffff_fff0,
+    0xffff_ffff,
+];
+
+/// Damages a file in one to three ways, mostly within its first `header` bytes.
+fn damage(bytes: &mut Vec<u8>, header: usize, random: &mut Random) {
+    const NAMES: [&[u8]; 6] =
+        [b"channels\0", b"compression\0", b"dataWindow\0", b"tiles\0", b"chunkCount\0", b"type\0"];
+    for _ in 0..1 + random.below(3) {
+        if bytes.is_empty() {
+            return;
+        }
+        let end = if random.below(2) == 0 { bytes.len() } else { header.min(bytes.len()) };
+        let at = random.below(end);
+        match random.below(8) {
+            0 | 1 => bytes[at] ^= 1 << random.below(8),
+            2 => bytes[at] = random.next() as u8,
+            3 => bytes.truncate(at),
+            4 => drop(bytes.drain(at..bytes.len().min(at + 1 + random.below(30)))),
+            5 => {
+                let part = bytes[at..bytes.len().min(at + 1 + random.below(30))].to_vec();
+                let to = random.below(end);
+                bytes.splice(to..to, part);
+            }
+            n => {
+                let name = random.pick(&NAMES);
+                let place = bytes.windows(name.len()).position(|part| part == name);
+                let at = match place {
+                    Some(place) if n == 7 => place + name.len() + random.below(32),
+                    _ => at,
+                };
+                let number = random.pick(&NUMBERS).to_le_bytes();
+                for (byte, new) in bytes.iter_mut().skip(at).zip(number) {
+                    *byte = new;
+                }
+            }
+        }
+    }
+}
+
+/// A smooth picture in three types, with some noise that costs the compressors effort.
+fn layer(name: &str, compression: Compression, blocks: Blocks) -> Layer<AnyChannels<FlatSamples>> {
+    let size = Vec2(21, 40);
+    let mut random = Random(1);
+    let mut values =
+        || (0..size.area()).map(|i| (i / 40) as f32 + random.below(4) as f32).collect::<Vec<f32>>();
+    let half = |values: Vec<f32>| FlatSamples::F16(values.into_iter().map(f16::from_f32).collect());
+    let whole = |values: Vec<f32>| FlatSamples::U32(values.into_iter().map(|x| x as u32).collect());
+    let channels = [
+        AnyChannel::new("R", half(values())),
+        AnyChannel::new("G", FlatSamples::F32(values())),
+        AnyChannel::new("B", half(values())),
+        AnyChannel::new("id", whole(values())),
+    ];
+    let line_order = match blocks {
+        Blocks::ScanLines => LineOrder::Increasing,
+        Blocks::Tiles(_) => LineOrder::Unspecified,
+    };
+    let encoding = Encoding { compression, blocks, line_order };
+    let channels = AnyChannels::sort(channels.into_iter().collect());
+    Layer::new(size, LayerAttributes::named(name), encoding, channels)
+}
+
+fn corpus() -> Vec<Vec<u8>> {
+    let bytes = |layers: Vec<Layer<AnyChannels<FlatSamples>>>| {
+        let size = layers[0].size;
+        let image = Image::from_layers(ImageAttributes::with_size(size), layers);
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        image.write().to_buffered(&mut bytes).expect("it can be written");
+        bytes.into_inner()
+    };
+    use Compression::{B44, B44A, DWAA, DWAB, PIZ, PXR24, RLE, Uncompressed, ZIP1, ZIP16};
+    let tiles = Blocks::Tiles(Vec2(16, 16));
+    let compressions =
+        [Uncompressed, RLE, ZIP1, ZIP16, PIZ, PXR24, B44, B44A, DWAA(None), DWAB(None)];
+    let mut corpus: Vec<_> =
+        compressions.into_iter().map(|c| bytes(vec![layer("x", c, Blocks::ScanLines)])).collect();
+    for compression in [Uncompressed, ZIP16, PIZ] {
+        corpus.push(bytes(vec![layer("x", compression, tiles)]));
+    }
+    corpus.push(bytes(vec![layer("x", ZIP16, Blocks::ScanLines), layer("y", PIZ, tiles)]));
+    corpus
+}
+
+/// Reads every layer of a file, in two strips.
+fn read(path: &Path) -> std::result::Result<usize, nst_render::Error> {
+    let header = ExrHeader::read(path)?;
+    let mut lanes = 0;
+    for layer in header.layers() {
+        let picture = Picture::open(path, Some(&layer.name))?;
+        let [width, height] = picture.size;
+        let middle = height / 3;
+        let read = picture.read_rows(0..middle)?.len() + picture.read_rows(middle..height)?.len();
+        assert_eq!(read, picture.channel_names.len() * width as usize * height as usize);
+        lanes += read;
+    }
+    Ok(lanes)
+}
+
+#[test]
+fn damaged_pictures_are_refused_or_read() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("x.exr");
+    // The measurement must see what it is to forbid.
+    let (_, peak) = peak_of(|| drop(std::hint::black_box(vec![1_u8; 2 * allowed(10_000)])));
+    assert!(peak > allowed(10_000));
+
+    let corpus = corpus();
+    for (seed, sound) in corpus.iter().enumerate() {
+        std::fs::write(&path, sound).expect("the file");
+        assert!(read(&path).expect("a sound file") > 0, "file {seed}");
+    }
+
+    static PANIC: Mutex<String> = Mutex::new(String::new());
+    let message = || PANIC.lock().unwrap_or_else(PoisonError::into_inner);
+    std::panic::set_hook(Box::new(move |info| *message() = info.to_string()));
+    let asked = std::env::var("NST_FUZZ_CASES").ok();
+    let count = asked.map_or(CASES_PER_FILE, |n| n.parse().expect("NST_FUZZ_CASES is a number"));
+    let mut failures = Vec::new();
+    let (mut refused, mut accepted) = (0, 0);
+    for (seed, sound) in corpus.iter().enumerate() {
+        for case in 0..count {
+            let mut random = Random((seed as u64) << 32 | case);
+            let mut bytes = sound.clone();
+            damage(&mut bytes, 700, &mut random);
+            std::fs::write(&path, &bytes).expect("the file");
+            let (result, peak) = peak_of(|| catch_unwind(|| read(&path)));
+            match result {
+                Err(_) => failures.push(format!("file {seed}, case {case}: {}", message())),
+                Ok(Err(_)) => refused += 1,
+                Ok(Ok(_)) => accepted += 1,
+            }
+            if peak > allowed(bytes.len()) {
+                let what = format!("file {seed}, case {case}: {peak} bytes for {}", bytes.len());
+                failures.push(what);
+            }
+        }
+    }
+    drop(std::panic::take_hook());
+    println!("{refused} refused, {accepted} read");
+    let some = &failures[..failures.len().min(20)];
+    assert!(failures.is_empty(), "{} failures: {some:#?}", failures.len());
+    assert!(refused > accepted / 4 && accepted > refused / 100);
+}
