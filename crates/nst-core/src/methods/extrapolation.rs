@@ -60,6 +60,16 @@ pub trait Extrapolation: Sync {
     }
 }
 
+impl<E: Extrapolation + ?Sized> Extrapolation for &E {
+    fn terms(&self) -> usize {
+        (**self).terms()
+    }
+
+    fn limits(&self, counts: &[f64], terms: &mut [Lanes]) -> Lanes {
+        (**self).limits(counts, terms)
+    }
+}
+
 impl<E: Extrapolation> Transform for E {
     fn window(&self) -> usize {
         self.terms()

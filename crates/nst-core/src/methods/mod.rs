@@ -62,21 +62,29 @@ pub const METHODS: &[&str] = &[
 #[must_use]
 pub fn method(name: &str) -> Option<Box<dyn Transform>> {
     Some(match name {
-        "aitken" => Box::new(Aitken),
-        "aitken-iterated" => Box::new(IteratedAitken),
-        "levin-u" => Box::new(LevinU),
-        "brezinski-theta" => Box::new(BrezinskiTheta),
-        "wynn-epsilon" => Box::new(WynnEpsilon),
-        "euler" => Box::new(Euler),
-        "richardson" => Box::new(Richardson),
-        "an-gn" => Box::new(AnGn(Scale::Inverse)),
-        "an-gn-square" => Box::new(AnGn(Scale::InverseSquare)),
-        "an-gn-geometric" => Box::new(AnGn(Scale::Geometric)),
         "prior-mean" => Box::new(PriorMean::OfTheBatch),
         "median-of-means" => Box::new(MedianOfMeans),
         "gmon" => Box::new(Gmon),
         "reweight" => Box::new(Reweight),
         "ridge" => Box::new(Ridge),
+        _ => Box::new(extrapolation(name)?),
+    })
+}
+
+/// The classical method of a name in [`METHODS`], for single sequences in f64.
+#[must_use]
+pub fn extrapolation(name: &str) -> Option<&'static dyn Extrapolation> {
+    Some(match name {
+        "aitken" => &Aitken,
+        "aitken-iterated" => &IteratedAitken,
+        "levin-u" => &LevinU,
+        "brezinski-theta" => &BrezinskiTheta,
+        "wynn-epsilon" => &WynnEpsilon,
+        "euler" => &Euler,
+        "richardson" => &Richardson,
+        "an-gn" => &AnGn(Scale::Inverse),
+        "an-gn-square" => &AnGn(Scale::InverseSquare),
+        "an-gn-geometric" => &AnGn(Scale::Geometric),
         _ => return None,
     })
 }
