@@ -79,7 +79,8 @@ fn proposition_1() {
 
 #[test]
 fn proposition_2() {
-    let g: [(Scale, fn(f64) -> f64); 3] = [
+    type Sequence = fn(f64) -> f64;
+    let g: [(Scale, Sequence); 3] = [
         (Scale::Inverse, |n| 1.0 / n),
         (Scale::InverseSquare, |n| 1.0 / (n * n)),
         (Scale::Geometric, |n| (-n).exp2()),

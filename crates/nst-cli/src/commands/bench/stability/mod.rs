@@ -12,7 +12,7 @@ use nst_core::{
     methods::{FOLDS, METHODS, extrapolation},
 };
 use nst_render::output::OutputFile;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use crate::{
     args::{BackendArg, BenchStabilityArgs, TransformArg},
@@ -32,23 +32,37 @@ struct Row {
     regime: &'static str,
     n: u32,
     /// Σ (T − I)² / Σ (S − I)²; 1 where both sums are 0.
+    #[serde(serialize_with = "rounded")]
     mse_ratio: f64,
     /// The share of lanes that hold S_n because the method broke down.
+    #[serde(serialize_with = "rounded")]
     fallback_share: f64,
     /// max (T − I)² / max (S − I)²; 1 where both are 0.
+    #[serde(serialize_with = "rounded")]
     worst_ratio: f64,
     /// Lanes whose T is not finite although S is.
     nonfinite: usize,
     /// Mean (T − I)².
+    #[serde(serialize_with = "rounded")]
     mse: f64,
     /// (Mean T − I)² / mean (S − I)², which does not average out over lanes.
+    #[serde(serialize_with = "rounded")]
     bias2_ratio: f64,
     /// The share of lanes that are constant, and hold S_n for that.
+    #[serde(serialize_with = "rounded")]
     constant_share: f64,
     /// Of the method, on many lanes with all threads.
+    #[serde(serialize_with = "rounded")]
     nanoseconds_per_lane: f64,
     /// The same, in terms and fold means that are read per second.
+    #[serde(serialize_with = "rounded")]
     lane_terms_per_second: f64,
+}
+
+/// Four digits: more would say nothing, and files are read by people, too.
+fn rounded<S: Serializer>(x: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    let rounded = format!("{x:.3e}").parse();
+    serializer.serialize_f64(rounded.unwrap_or(*x))
 }
 
 /// How much work to do.
@@ -67,8 +81,8 @@ impl Effort {
             Self { sample_counts: vec![8, 64], runs: 20, far: None, cost_lanes: 1 << 12 }
         } else {
             Self {
-                sample_counts: (3..=12).map(|k| 1 << k).collect(),
-                runs: 400,
+                sample_counts: vec![8, 16, 32, 64, 256, 1024, 4096],
+                runs: 1000,
                 far: Some((1_000_000, 20)),
                 cost_lanes: 1 << 18,
             }
@@ -78,6 +92,10 @@ impl Effort {
 
 pub(super) fn run(args: &BenchStabilityArgs) -> Result<(), Error> {
     set_threads(&args.common)?;
+    if args.markdown.as_ref() == Some(&args.output) {
+        let path = args.output.display();
+        return Err(Error::Usage(format!("--output and --markdown both name '{path}'")));
+    }
     let start = Instant::now();
     let mut csv = OutputFile::create(&args.output)?;
     let mut markdown = args.markdown.as_deref().map(OutputFile::create).transpose()?;
@@ -230,4 +248,110 @@ fn nanoseconds_per_lane(method: &Method, batch: &SequenceBatch) -> Result<f64, E
         }
     }
     Ok(1e9 * least / batch.lanes() as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn short() -> Vec<Row> {
+        rows(&Effort::new(true)).expect("built-in methods")
+    }
+
+    #[test]
+    fn no_result_is_not_finite_without_need() {
+        let rows = short();
+        assert_eq!(rows.len(), REGIMES.len() * 2 * (1 + METHODS.len() + BUILTIN.len()));
+        assert!(rows.iter().all(|row| row.nonfinite == 0));
+        assert!(rows.iter().filter(|row| row.method == "none").all(|row| row.mse_ratio == 1.0));
+        let names: std::collections::BTreeSet<_> = REGIMES.iter().map(|r| r.name).collect();
+        assert_eq!(names.len(), REGIMES.len());
+    }
+
+    /// What textbooks promise (Weniger 1989) with these eight terms: bounds on
+    /// √(MSE ratio) = |T − I|/|S − I|. A gain ends at f32's rounding of S, 6e-8, times
+    /// what the method magnifies it by, over |S_8 − I|: 4.3, 0.06, 0.12, 2.8e-5.
+    #[test]
+    fn textbook_gains() {
+        let rows = short();
+        let error = |regime: &str, method: &str| {
+            let wanted = |row: &&Row| row.n == 8 && row.regime == regime && row.method == method;
+            rows.iter().find(wanted).expect("all pairs are measured").mse_ratio.sqrt()
+        };
+        let gains = [
+            // One geometric remainder is removed whole.
+            ("linear", "aitken", 1e-4),
+            ("linear", "aitken-iterated", 1e-4),
+            ("linear", "brezinski-theta", 1e-4),
+            ("linear", "wynn-epsilon", 1e-4),
+            // Δ² of a remainder (−1)^n/(2n) leaves a part of 1/(4 n²) of it.
+            ("alternating", "aitken", 1.0 / 128.0),
+            ("alternating", "wynn-epsilon", 1e-4),
+            ("alternating", "levin-u", 1e-6),
+            ("alternating", "brezinski-theta", 1e-4),
+            // Seven halvings.
+            ("alternating", "euler", 1.0 / 128.0),
+            // a_n g_n removes 1/n and leaves 1/(2 n²), Richardson n^{-4}.
+            ("logarithmic", "an-gn", 1.0 / 12.0),
+            ("logarithmic", "richardson", 1e-3),
+            ("logarithmic", "levin-u", 1e-2),
+            ("logarithmic", "brezinski-theta", 1e-2),
+            ("hyperlinear", "levin-u", 1e-2),
+        ];
+        for (regime, method, bound) in gains {
+            let error = error(regime, method);
+            assert!(error < bound, "{regime}, {method}: {error}");
+        }
+        // Δ² halves a remainder 1/n in the limit, no more; ε gains little either.
+        assert!((0.4..0.7).contains(&error("logarithmic", "aitken")));
+        assert!(error("logarithmic", "wynn-epsilon") > 0.2);
+        // Euler goes back in time, and Richardson sees powers of 1/n everywhere.
+        assert!(error("linear", "euler") > 1.0 && error("hyperlinear", "richardson") > 1.0);
+    }
+
+    #[test]
+    fn a_ratio_of_nothing_is_one() {
+        assert_eq!((ratio(0.0, 0.0), ratio(1.0, 0.0), ratio(1.0, 4.0)), (1.0, f64::INFINITY, 0.25));
+    }
+
+    /// Says that all is well, and returns 5, NaN, 2, 2, ….
+    struct Bad;
+
+    impl nst_core::Transform for Bad {
+        fn window(&self) -> usize {
+            1
+        }
+
+        fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), nst_core::Error> {
+            let value = |(_, lane)| [2.0, 5.0, f32::NAN][if lane < 2 { lane + 1 } else { 0 }];
+            let terms = ndarray::Array2::from_shape_fn((1, batch.lanes()), value);
+            nst_core::Identity.apply(&SequenceBatch::new(terms, vec![1])?, out)
+        }
+    }
+
+    #[test]
+    fn the_measures_see_errors_bias_and_outliers() -> Result<(), Error> {
+        let method = Method { transform: Box::new(Bad), ..named("none")? };
+        // I = 0, S = 1.
+        let case = simulate(&[4], 100, 0, |_, _| (0.0, |_: u32, _: &mut Rng| 1.0));
+        let row = measure(&method, &REGIMES[0], 4, &case, 1.0)?;
+        assert_eq!((row.nonfinite, row.worst_ratio), (1, 25.0));
+        assert!(row.mse_ratio.is_nan(), "a NaN must not pass unseen");
+        Ok(())
+    }
+
+    fn named(name: &'static str) -> Result<Method, Error> {
+        let none = name == "none";
+        let transform = if none { TransformArg::None } else { TransformArg::Method(name) };
+        Method::named(transform, BackendArg::Cpu, "", 0)
+    }
+
+    #[test]
+    fn terms_that_methods_read() -> Result<(), Error> {
+        let read = [("none", 1), ("prior-mean", 1), ("levin-u", 8), ("aitken", 3), ("ridge", 5)];
+        for (name, terms) in read {
+            assert_eq!(terms_read(&named(name)?), terms, "{name}");
+        }
+        Ok(())
+    }
 }
