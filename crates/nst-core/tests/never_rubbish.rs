@@ -1,6 +1,8 @@
 //! A million random lanes through every method: none may panic, return a number
 //! that is not finite without need, or return S_n's replacement without saying so.
 
+use std::collections::BTreeMap;
+
 use ndarray::Array2;
 use nst_core::{
     Estimates, MlpCpu, Network, SequenceBatch, Status, Transform,
@@ -125,20 +127,31 @@ fn a_million_random_lanes() {
     methods.push(("families", Box::new(MlpCpu::new(network))));
 
     let mut out = Estimates::default();
+    // What happened, to be sure that the lanes are as varied as they claim to be.
+    let mut transformed = vec![0; methods.len()];
+    let mut seen = BTreeMap::new();
     let (mut lanes, mut seed) = (0, 0);
     while lanes < 1_000_000 {
         seed += 1;
         let mut rng = Rng(seed);
         let size = 1 + rng.below(2000) as usize;
         let batch = batch(&mut rng, size);
-        for (name, method) in &methods {
+        for ((name, method), transformed) in methods.iter().zip(&mut transformed) {
             method.apply(&batch, &mut out).expect("nothing concerns the whole batch");
             if let Some(fault) = fault(&batch, &out) {
                 panic!("{name}, seed {seed}: {fault}");
             }
+            *transformed += out.count(Status::Ok);
+            for status in out.status() {
+                *seen.entry(format!("{status:?}")).or_insert(0) += 1;
+            }
         }
         lanes += size;
     }
+    let all = ["Clamped", "Constant", "NoFolds", "NotFinite", "Ok", "TooShort", "ZeroDenominator"];
+    assert!(seen.keys().eq(all) && seen.values().all(|&count| count > 10_000), "{seen:?}");
+    // Methods with long windows see few lanes that they can read, but still many.
+    assert!(transformed.iter().all(|&count| count > 50_000), "{transformed:?}");
 }
 
 /// The check sees each kind of rubbish that it is there for: a method that returns

@@ -11,10 +11,11 @@ use crate::{Error, Estimates, SequenceBatch, Transform};
 ///
 /// ⌊G ⌊K/2⌋⌋ of the largest and as many of the smallest are left out of the mean.
 ///
-/// Adapted: the paper accumulates as many means as the user likes; a sequence
-/// file has four, so that either none is left out (G < 1/2, and T = S_n) or one at
-/// each end, which is the median of means. The magnitudes in the denominator
-/// change nothing for radiance, and keep G in [0, 1] for values of any sign.
+/// Adapted: the paper accumulates as many means as the user likes, and averages G
+/// over the channels of a pixel; a sequence file has four means, and a lane knows
+/// no other. So either none is left out (G < 1/2, and T = S_n) or one at each end,
+/// which is the median of means. The magnitudes in the denominator change nothing
+/// for radiance, and keep G in [0, 1] for values of any sign.
 /// Where all means are 0, G would be 0/0; such lanes are constant.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Gmon;

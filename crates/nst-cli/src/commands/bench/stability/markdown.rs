@@ -105,9 +105,9 @@ fn section(page: &mut String, regime: &Regime, rows: &[Row]) {
         .filter(|&n| rows.iter().filter(of_regime).any(|row| row.n == n))
         .collect();
     let heads = counts.iter().map(|n| format!("n = {n}"));
-    let rest = ["worst lane", "bias²", "not finite"].map(str::to_owned);
+    let rest = ["worst lane", "bias²", "not finite", "ns per lane"].map(str::to_owned);
     line(page, ["method".to_owned()].into_iter().chain(heads).chain(rest));
-    line(page, std::iter::repeat_n("---".to_owned(), counts.len() + 4));
+    line(page, std::iter::repeat_n("---".to_owned(), counts.len() + 5));
     for method in methods(rows) {
         let ratios = counts.iter().map(|&n| match find(rows, method, regime.name, n) {
             Some(row) => cell(row),
@@ -119,6 +119,7 @@ fn section(page: &mut String, regime: &Regime, rows: &[Row]) {
             greatest(|row| row.worst_ratio),
             greatest(|row| row.bias2_ratio),
             all().map(|row| row.nonfinite).sum::<usize>().to_string(),
+            greatest(|row| row.nanoseconds_per_lane),
         ];
         line(page, [method.to_owned()].into_iter().chain(ratios).chain(rest));
     }

@@ -34,7 +34,8 @@ pub(super) const REGIMES: &[Regime] = &[
     Regime {
         name: "alternating",
         what: "Partial sums of 1 − 1/2 + 1/3 − … = ln 2.",
-        why: "Whatever weighs neighbours against each other gains all digits of f32. Richardson and \
+        why: "Whatever weighs neighbours against each other gains, until f32 has no further digits. \
+              Richardson and \
               a_n g_n take the sign of the last step for a trend; the bound on the distance from S \
               catches the former.",
         make: |n, _| SERIES[1].at(&window(n)).0,
@@ -87,8 +88,8 @@ pub(super) const REGIMES: &[Regime] = &[
         name: "bernoulli",
         what: "Samples are 1 with probability 0.001, else 0.",
         why: "Robust methods take the rare 1 for an outlier. The MSE falls, as to forget a rare event \
-              costs less than its noise, but what is left is bias; at n = 4096, where a fold holds \
-              one 1 or none, they are worse than S.",
+              costs less than its noise, but what is left is bias; from n = 1024 on, where \
+              a fold holds a 1 or none, they are worse than S.",
         make: |n, runs| {
             simulate(&window(n), COUNT * runs, 2, |_, _| {
                 (1e-3, |_: u32, rng: &mut Rng| f64::from(u8::from(rng.uniform() < 1e-3)))
