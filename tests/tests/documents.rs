@@ -2,6 +2,8 @@
 
 use std::{collections::HashMap, path::Path};
 
+use nst_core::methods::METHODS;
+
 fn read(name: &str) -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name);
     std::fs::read_to_string(&path).expect("the document is part of the repository")
@@ -46,4 +48,29 @@ fn the_readme_quotes_the_stability_suite() {
     // It would notice other numbers.
     let other = ratios.into_iter().map(|(key, ratio)| (key, 2.0 * ratio)).collect();
     assert_eq!(differences(&readme, &other).0.len(), count);
+}
+
+/// Rows of the committed table that break a promise: a result that is not finite
+/// without need, or a method without a network below 20 million lane-terms a second.
+fn broken_promises(table: &str) -> Vec<&str> {
+    let breaks = |line: &&str| {
+        let row: Vec<_> = line.split(',').collect();
+        let rate: f64 = row[row.len() - 1].parse().expect("lane-terms per second");
+        row[6] != "0" || (METHODS.contains(&row[0]) && rate < 20e6)
+    };
+    table.lines().skip(1).filter(breaks).collect()
+}
+
+#[test]
+fn the_stability_table_keeps_its_promises() {
+    let table = read("docs/stability.csv");
+    assert!(table.lines().next().is_some_and(|head| {
+        head.starts_with("method,regime,n,mse_ratio,fallback_share,worst_ratio,nonfinite,")
+            && head.ends_with(",lane_terms_per_second")
+    }));
+    assert_eq!(broken_promises(&table), [""; 0]);
+    assert!(METHODS.iter().all(|method| table.contains(&format!("\n{method},"))));
+    let slow = "head\ngmon,zero,8,1,0,1,0,0,0,0,900,5e6\n";
+    let rubbish = "head\nfamilies,zero,8,1,0,1,3,0,0,0,900,1e9\n";
+    assert_eq!((broken_promises(slow).len(), broken_promises(rubbish).len()), (1, 1));
 }
