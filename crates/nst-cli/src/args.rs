@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Parser, Subcommand, ValueEnum};
-use nst_core::BUILTIN;
+use nst_core::{BUILTIN, methods::METHODS};
 use nst_render::{PixelFilter, SamplerKind};
 
 use crate::error::Error;
@@ -195,6 +195,7 @@ pub(crate) struct BenchArgs {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Bench {
     Scene(BenchSceneArgs),
+    Stability(BenchStabilityArgs),
 }
 
 /// Render a scene with several seeds; compare each method with a reference.
@@ -215,7 +216,7 @@ pub(crate) struct BenchSceneArgs {
     /// Seed of the first run; the others follow.
     #[arg(long, default_value_t = 1_000_000)]
     pub(crate) seed: u64,
-    /// Methods to compare: `auto`, or names of built-in networks; `none` always is.
+    /// Methods to compare: `auto`, or names as for `nst transform`; `none` always is.
     #[arg(long, value_name = "METHOD", value_delimiter = ',', default_value = "auto", value_parser = transform)]
     pub(crate) transform: Vec<TransformArg>,
     /// What evaluates networks.
@@ -228,10 +229,26 @@ pub(crate) struct BenchSceneArgs {
     pub(crate) common: CommonArgs,
 }
 
+/// Apply all methods to sequences of known limits, made to break them.
+#[derive(Debug, clap::Args)]
+pub(crate) struct BenchStabilityArgs {
+    /// CSV file to write.
+    #[arg(short, long, value_name = "CSV")]
+    pub(crate) output: PathBuf,
+    /// Also write the tables for readers.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) markdown: Option<PathBuf>,
+    /// Few lanes and up to 64 samples: seconds instead of minutes.
+    #[arg(long)]
+    pub(crate) short: bool,
+    #[command(flatten)]
+    pub(crate) common: CommonArgs,
+}
+
 #[derive(Debug, clap::Args)]
 pub(crate) struct MethodArgs {
-    /// `auto`, `none`, or the name of a built-in network. `auto` takes the network
-    /// that was trained on this very scene, else none.
+    /// `auto`, `none`, the name of a built-in network, or of a classical or robust
+    /// method. `auto` takes the network that was trained on this very scene, else none.
     #[arg(long, value_name = "METHOD", default_value = "auto", value_parser = transform)]
     pub(crate) transform: TransformArg,
     /// Use the network of this safetensors file.
@@ -339,20 +356,20 @@ pub(crate) enum TransformArg {
     None,
     /// The name of a network in [`BUILTIN`].
     Builtin(&'static str),
+    /// A name in [`METHODS`].
+    Method(&'static str),
 }
 
 fn transform(text: &str) -> Result<TransformArg, String> {
-    let builtin = BUILTIN.iter().map(|&(name, _)| name);
-    match text {
-        "auto" => Ok(TransformArg::Auto),
-        "none" => Ok(TransformArg::None),
-        _ => {
-            builtin.clone().find(|&name| name == text).map(TransformArg::Builtin).ok_or_else(|| {
-                let names: Vec<_> = ["auto", "none"].into_iter().chain(builtin).collect();
-                format!("known methods are {}", names.join(", "))
-            })
-        }
-    }
+    let builtin = BUILTIN.iter().map(|&(name, _)| (name, TransformArg::Builtin(name)));
+    let methods = METHODS.iter().map(|&name| (name, TransformArg::Method(name)));
+    let known = [("auto", TransformArg::Auto), ("none", TransformArg::None)];
+    let mut known = known.into_iter().chain(builtin).chain(methods);
+    known.clone().find(|&(name, _)| name == text).map(|(_, arg)| arg).ok_or_else(|| {
+        let first = known.next().map(|(name, _)| name.to_owned()).unwrap_or_default();
+        let names = known.fold(first, |names, (name, _)| names + ", " + name);
+        format!("known methods are {names}")
+    })
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {
@@ -395,6 +412,7 @@ mod tests {
             assert!(size(bad).is_err(), "{bad}");
         }
         assert_eq!(transform("cornell"), Ok(TransformArg::Builtin("cornell")));
+        assert_eq!(transform("levin-u"), Ok(TransformArg::Method("levin-u")));
         assert!(transform("Cornell").is_err_and(|error| error.contains("families")));
         assert!(exr_path("x.png").is_err());
     }

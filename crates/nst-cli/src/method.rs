@@ -3,6 +3,7 @@
 use nst_core::{
     BUILTIN, Identity, MlpCpu, Network, Transform,
     gpu::{AdapterKind, Gpu, MlpGpu},
+    methods::method,
 };
 
 use crate::{
@@ -17,7 +18,7 @@ const AS_ASKED: &str = "as asked";
 
 /// A transformation, ready to be applied.
 pub(crate) struct Method {
-    /// `none`, a built-in network's name, or a weights file.
+    /// `none`, the name of a built-in network or method, or a weights file.
     pub(crate) name: String,
     /// Why it was chosen, in words for the summary.
     pub(crate) reason: String,
@@ -51,6 +52,12 @@ impl Method {
     ) -> Result<Self, Error> {
         match transform {
             TransformArg::None => Ok(Self::none(AS_ASKED)),
+            TransformArg::Method(name) => {
+                let method = method(name);
+                let method =
+                    method.unwrap_or_else(|| unreachable!("the command line admits known names"));
+                Ok(Self::on_cpu(name, AS_ASKED, method))
+            }
             TransformArg::Builtin(name) => Self::network(name, AS_ASKED, builtin(name)?, backend),
             TransformArg::Auto => match trained_on(scene, counts)? {
                 Ok((name, network)) => {
@@ -67,7 +74,7 @@ impl Method {
         let window = self.transform.window();
         if terms < window {
             return Err(Error::Usage(format!(
-                "network '{}' reads the last {window} terms of a sequence, but there are {terms}; {advice}",
+                "'{}' reads the last {window} terms of a sequence, but there are {terms}; {advice}",
                 self.name
             )));
         }
@@ -75,12 +82,16 @@ impl Method {
     }
 
     fn none(reason: impl Into<String>) -> Self {
+        Self::on_cpu("none", reason, Box::new(Identity))
+    }
+
+    fn on_cpu(name: &str, reason: impl Into<String>, transform: Box<dyn Transform>) -> Self {
         Self {
-            name: "none".to_owned(),
+            name: name.to_owned(),
             reason: reason.into(),
             backend: "cpu",
             adapter: None,
-            transform: Box::new(Identity),
+            transform,
         }
     }
 

@@ -429,3 +429,15 @@ fn merges() {
     fails(&bench, "merge s1.exr damaged.exr -o out.exr", 1, &["damaged.exr"]);
     assert_eq!(std::fs::read_to_string(bench.path("out.exr")).expect("still there"), "precious");
 }
+
+#[test]
+fn stability_tables() {
+    let bench = Bench::new();
+    bench.write("old.csv", "precious");
+    let short = "bench stability --short";
+    fails(&bench, &format!("{short} -o gone/x.csv"), 1, &["gone/x.csv", "write"]);
+    fails(&bench, &format!("{short} -o old.csv --markdown gone/x.md"), 1, &["gone/x.md"]);
+    fails(&bench, &format!("{short} -o old.csv --markdown old.csv"), 2, &["old.csv"]);
+    fails(&bench, short, 2, &["--output"]);
+    assert_eq!(std::fs::read_to_string(bench.path("old.csv")).expect("still there"), "precious");
+}

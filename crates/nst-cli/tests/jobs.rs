@@ -5,6 +5,7 @@ mod common;
 use std::path::Path;
 
 use common::{Bench, cornell};
+use nst_core::methods::METHODS;
 use nst_render::{film::read_exr_layer, sequence_file::SequenceFile};
 use safetensors::SafeTensors;
 
@@ -193,6 +194,51 @@ fn bench_scene_writes_a_row_per_method_and_run() {
             && lines[12].starts_with("cornell,families,16,1,"),
         "{csv}"
     );
+}
+
+#[test]
+fn bench_stability_writes_a_row_per_method_regime_and_count() {
+    let bench = Bench::new();
+    let said = bench.succeed("bench stability --short -o out.csv --markdown out.md");
+    assert!(said.contains("0 results not finite"), "{said}");
+    let csv = std::fs::read_to_string(bench.path("out.csv")).expect("the CSV");
+    let mut lines = csv.lines();
+    let header = lines.next().expect("a header");
+    assert!(
+        header.starts_with("method,regime,n,mse_ratio,fallback_share,worst_ratio,nonfinite,"),
+        "{header}"
+    );
+    let rows: Vec<_> = lines.collect();
+    assert!(rows.iter().any(|row| row.starts_with("levin-u,logarithmic,8,")));
+    assert!(rows.iter().any(|row| row.starts_with("families,firefly-last,64,")));
+    let page = std::fs::read_to_string(bench.path("out.md")).expect("the page");
+    assert!(page.contains("### halton-random") && page.contains("| ridge |"), "{page}");
+    // The same numbers again, but for the times in the last two columns.
+    let numbers = |csv: &str| -> Vec<String> {
+        csv.lines().map(|line| line.rsplitn(3, ',').last().unwrap_or_default().to_owned()).collect()
+    };
+    bench.succeed("bench stability --short -o again.csv --threads 1 --quiet");
+    let again = std::fs::read_to_string(bench.path("again.csv")).expect("the CSV");
+    assert_eq!(numbers(&csv), numbers(&again));
+}
+
+#[test]
+fn methods_without_weights_transform_stored_sequences() {
+    let bench = Bench::new();
+    bench.succeed(&format!(
+        "render --scene {} --spp 16 --size 16x16 --transform none --sequence seq.exr --quiet -o x.exr",
+        cornell()
+    ));
+    let plain = picture(&bench.path("x.exr"));
+    for method in METHODS {
+        let said =
+            bench.succeed(&format!("transform seq.exr --json --transform {method} -o t.exr"));
+        let json: serde_json::Value = serde_json::from_str(&said).expect("JSON");
+        assert_eq!((&json["transform"], &json["backend"]), (&(*method).into(), &"cpu".into()));
+        let transformed = picture(&bench.path("t.exr"));
+        assert!(transformed.iter().all(|x| x.is_finite()), "{method}");
+        assert_ne!(transformed, plain, "{method}");
+    }
 }
 
 #[test]

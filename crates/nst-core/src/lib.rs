@@ -4,8 +4,8 @@
 //! progressive estimates S_1, S_2, … whose mean squared error falls as 1/n. A
 //! sequence transformation reads a few of these terms and returns a better
 //! estimate T_n. This crate holds the sequences ([`SequenceBatch`]), the
-//! transformations ([`Transform`]) and the metrics that judge them
-//! ([`metrics`]). It knows nothing of renderers or images.
+//! transformations ([`Transform`]: networks and the [`methods`] that need no
+//! training) and the metrics that judge them ([`metrics`]). It knows nothing of renderers or images.
 //!
 //! ```
 //! use nst_core::{Estimates, MlpCpu, Network, SequenceBatch, Transform};
@@ -31,6 +31,7 @@ mod batch;
 mod error;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod methods;
 pub mod metrics;
 mod mlp;
 mod network;

@@ -30,8 +30,14 @@ pub enum Status {
     NotFinite,
     /// Fewer terms are stored than the method reads.
     TooShort,
-    /// All terms of the window are equal: the sequence has converged, or has seen nothing yet.
+    /// All that the method reads is equal: the sequence has converged, or has seen nothing yet.
     Constant,
+    /// A denominator of the method vanishes.
+    ZeroDenominator,
+    /// The result is too far from S_n to be anything but magnified noise.
+    Clamped,
+    /// The batch lacks the fold means that the method reads.
+    NoFolds,
 }
 
 /// One estimate and one [`Status`] per lane.
@@ -73,6 +79,14 @@ impl Estimates {
         self.values.extend_from_slice(batch.last());
         self.status.clear();
         self.status.resize(batch.lanes(), status);
+    }
+
+    /// Makes room for so many lanes, all [`Status::Ok`], and lends values and statuses.
+    pub(crate) fn reset(&mut self, lanes: usize) -> (&mut [f32], &mut [Status]) {
+        self.values.resize(lanes, 0.0);
+        self.status.clear();
+        self.status.resize(lanes, Status::Ok);
+        (&mut self.values, &mut self.status)
     }
 
     /// Takes the raw outputs of a method and replaces what must not stand:

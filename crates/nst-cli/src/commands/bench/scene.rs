@@ -1,4 +1,4 @@
-//! `nst bench`: measurements, one row per run in a CSV file.
+//! `nst bench scene`: the error of each method against a reference, one row per run.
 
 use std::{
     collections::BTreeMap,
@@ -9,19 +9,13 @@ use nst_core::{Estimates, metrics};
 use nst_render::{Keep, RenderSettings, Scene, film, output::OutputFile, render};
 use serde::Serialize;
 
-use super::set_threads;
 use crate::{
-    args::{Bench, BenchArgs, BenchSceneArgs, TransformArg},
+    args::{BenchSceneArgs, TransformArg},
+    commands::set_threads,
     error::Error,
     method::{DEFAULT_WINDOW, Method},
     summary::timed,
 };
-
-pub(crate) fn run(args: &BenchArgs) -> Result<(), Error> {
-    match &args.bench {
-        Bench::Scene(args) => bench_scene(args),
-    }
-}
 
 /// A rendering by one method; times are those of the whole job.
 #[derive(Serialize)]
@@ -39,7 +33,7 @@ struct SceneRow<'a> {
     total_seconds: f64,
 }
 
-fn bench_scene(args: &BenchSceneArgs) -> Result<(), Error> {
+pub(super) fn run(args: &BenchSceneArgs) -> Result<(), Error> {
     set_threads(&args.common)?;
     let start = Instant::now();
     let mut scene = Scene::load(&args.scene)?;

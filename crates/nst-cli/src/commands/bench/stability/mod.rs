@@ -1,0 +1,357 @@
+//! `nst bench stability`: every method on every kind of sequences that may break it.
+
+mod integrands;
+mod markdown;
+mod regimes;
+mod simulate;
+
+use std::{io::Write, time::Instant};
+
+use nst_core::{
+    BUILTIN, Estimates, SequenceBatch, Status,
+    methods::{FOLDS, METHODS, extrapolation},
+};
+use nst_render::output::OutputFile;
+use serde::{Serialize, Serializer};
+
+use crate::{
+    args::{BackendArg, BenchStabilityArgs, TransformArg},
+    commands::set_threads,
+    error::Error,
+    method::Method,
+};
+
+use regimes::{REGIMES, Regime, window};
+use simulate::{Case, Rng, simulate};
+
+/// A method on the sequences of a regime with n samples. T and S are compared on
+/// the lanes whose S is finite.
+#[derive(Clone, Debug, Serialize)]
+struct Row {
+    method: String,
+    regime: &'static str,
+    n: u32,
+    /// Σ (T − I)² / Σ (S − I)²; 1 where both sums are 0.
+    #[serde(serialize_with = "rounded")]
+    mse_ratio: f64,
+    /// The share of lanes that hold S_n because the method broke down.
+    #[serde(serialize_with = "rounded")]
+    fallback_share: f64,
+    /// max (T − I)² / max (S − I)²; 1 where both are 0.
+    #[serde(serialize_with = "rounded")]
+    worst_ratio: f64,
+    /// Lanes whose T is not finite although S is.
+    nonfinite: usize,
+    /// Mean (T − I)².
+    #[serde(serialize_with = "rounded")]
+    mse: f64,
+    /// (Mean T − I)² / mean (S − I)², which does not average out over lanes.
+    #[serde(serialize_with = "rounded")]
+    bias2_ratio: f64,
+    /// The share of lanes that are constant, and hold S_n for that.
+    #[serde(serialize_with = "rounded")]
+    constant_share: f64,
+    /// Of the method, on many lanes with all threads.
+    #[serde(serialize_with = "rounded")]
+    nanoseconds_per_lane: f64,
+    /// The same, in terms and fold means that are read per second.
+    #[serde(serialize_with = "rounded")]
+    lane_terms_per_second: f64,
+}
+
+/// Four digits: more would say nothing, and files are read by people, too.
+fn rounded<S: Serializer>(x: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    let rounded = format!("{x:.3e}").parse();
+    serializer.serialize_f64(rounded.unwrap_or(*x))
+}
+
+/// How much work to do.
+struct Effort {
+    sample_counts: Vec<u32>,
+    /// Runs of each integrand.
+    runs: usize,
+    /// Where `Regime::far` asks for it: samples, and runs of each integrand.
+    far: Option<(u32, usize)>,
+    cost_lanes: usize,
+}
+
+impl Effort {
+    fn new(short: bool) -> Self {
+        if short {
+            Self { sample_counts: vec![8, 64], runs: 20, far: None, cost_lanes: 1 << 12 }
+        } else {
+            Self {
+                sample_counts: vec![8, 16, 32, 64, 256, 1024, 4096],
+                runs: 1000,
+                far: Some((1_000_000, 20)),
+                cost_lanes: 1 << 18,
+            }
+        }
+    }
+}
+
+pub(super) fn run(args: &BenchStabilityArgs) -> Result<(), Error> {
+    set_threads(&args.common)?;
+    if args.markdown.as_ref() == Some(&args.output) {
+        let path = args.output.display();
+        return Err(Error::Usage(format!("--output and --markdown both name '{path}'")));
+    }
+    let start = Instant::now();
+    let mut csv = OutputFile::create(&args.output)?;
+    let mut markdown = args.markdown.as_deref().map(OutputFile::create).transpose()?;
+
+    let rows = rows(&Effort::new(args.short))?;
+    write_csv(&mut csv, &rows)
+        .map_err(|source| Error::Csv { path: args.output.clone(), source })?;
+    if let Some(file) = &mut markdown {
+        let write = file.file().write_all(markdown::document(&rows).as_bytes());
+        let path = file.path().to_owned();
+        write.map_err(|error| Error::Csv { path, source: error.into() })?;
+    }
+    for output in [csv].into_iter().chain(markdown) {
+        output.commit()?;
+    }
+    if !args.common.quiet {
+        let nonfinite: usize = rows.iter().map(|row| row.nonfinite).sum();
+        println!(
+            "{} rows, {nonfinite} results not finite, {:.1} s",
+            rows.len(),
+            start.elapsed().as_secs_f64()
+        );
+    }
+    Ok(())
+}
+
+fn write_csv(output: &mut OutputFile, rows: &[Row]) -> Result<(), csv::Error> {
+    let mut writer = csv::Writer::from_writer(output.file());
+    rows.iter().try_for_each(|row| writer.serialize(row))?;
+    Ok(writer.flush()?)
+}
+
+fn rows(effort: &Effort) -> Result<Vec<Row>, Error> {
+    let networks = BUILTIN.iter().map(|&(name, _)| TransformArg::Builtin(name));
+    let methods = METHODS.iter().map(|&name| TransformArg::Method(name));
+    let methods = [TransformArg::None]
+        .into_iter()
+        .chain(methods)
+        .chain(networks)
+        .map(|transform| Method::named(transform, BackendArg::Cpu, "", &[]))
+        .collect::<Result<Vec<_>, _>>()?;
+
+    let sample = cost_sample(effort.cost_lanes);
+    let costs = methods
+        .iter()
+        .map(|method| nanoseconds_per_lane(method, &sample.batch))
+        .collect::<Result<Vec<_>, _>>()?;
+    let mut rows = Vec::new();
+    for regime in REGIMES {
+        let far = effort.far.filter(|_| regime.far);
+        let counts = effort.sample_counts.iter().map(|&n| (n, effort.runs)).chain(far);
+        for (n, runs) in counts {
+            let case = (regime.make)(n, runs);
+            for (method, nanoseconds) in methods.iter().zip(&costs) {
+                rows.push(measure(method, regime, n, &case, *nanoseconds)?);
+            }
+        }
+    }
+    Ok(rows)
+}
+
+fn measure(
+    method: &Method,
+    regime: &Regime,
+    n: u32,
+    case: &Case,
+    nanoseconds: f64,
+) -> Result<Row, Error> {
+    let mut estimates = Estimates::default();
+    method.transform.apply(&case.batch, &mut estimates)?;
+    let (mut t, mut s) = (Errors::default(), Errors::default());
+    let mut nonfinite = 0;
+    let pairs = estimates.values().iter().zip(case.batch.last());
+    for ((&value, &last), limit) in pairs.zip(&case.limits) {
+        if !last.is_finite() {
+            continue;
+        }
+        nonfinite += usize::from(!value.is_finite());
+        t.add(f64::from(value) - limit);
+        s.add(f64::from(last) - limit);
+    }
+    let lanes = case.limits.len() as f64;
+    Ok(Row {
+        method: method.name.clone(),
+        regime: regime.name,
+        n,
+        mse_ratio: ratio(t.squares, s.squares),
+        fallback_share: estimates.fallen_back() as f64 / lanes,
+        worst_ratio: ratio(t.worst, s.worst),
+        nonfinite,
+        mse: t.squares / t.count,
+        bias2_ratio: ratio(t.sum * t.sum / t.count, s.squares),
+        constant_share: estimates.count(Status::Constant) as f64 / lanes,
+        nanoseconds_per_lane: nanoseconds,
+        lane_terms_per_second: terms_read(method) as f64 / (1e-9 * nanoseconds),
+    })
+}
+
+/// Sums of errors over lanes.
+#[derive(Default)]
+struct Errors {
+    count: f64,
+    sum: f64,
+    squares: f64,
+    worst: f64,
+}
+
+impl Errors {
+    fn add(&mut self, error: f64) {
+        self.count += 1.0;
+        self.sum += error;
+        self.squares += error * error;
+        self.worst = self.worst.max(error * error);
+    }
+}
+
+/// a/b, where no error over no error is no change.
+fn ratio(a: f64, b: f64) -> f64 {
+    if a == b { 1.0 } else { a / b }
+}
+
+/// Numbers that a method reads per lane.
+fn terms_read(method: &Method) -> usize {
+    match extrapolation(&method.name) {
+        Some(method) => method.terms(),
+        None if ["none", "prior-mean"].contains(&method.name.as_str()) => 1,
+        None if METHODS.contains(&method.name.as_str()) => 1 + FOLDS,
+        None => method.transform.window(),
+    }
+}
+
+/// Lanes like those of a rendering: noisy, all different.
+fn cost_sample(lanes: usize) -> Case {
+    simulate(&window(64), lanes, 0, |lane, _| {
+        let height = 1.0 + lane as f64 / lanes as f64;
+        (0.5 * height, move |_: u32, rng: &mut Rng| height * rng.uniform())
+    })
+}
+
+/// The least of some times, on all threads, after one application that warms up.
+fn nanoseconds_per_lane(method: &Method, batch: &SequenceBatch) -> Result<f64, Error> {
+    const REPEATS: usize = 5;
+    let mut estimates = Estimates::default();
+    let mut least = f64::INFINITY;
+    for repeat in 0..=REPEATS {
+        let start = Instant::now();
+        method.transform.apply(batch, &mut estimates)?;
+        if repeat > 0 {
+            least = least.min(start.elapsed().as_secs_f64());
+        }
+    }
+    Ok(1e9 * least / batch.lanes() as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn short() -> Vec<Row> {
+        rows(&Effort::new(true)).expect("built-in methods")
+    }
+
+    #[test]
+    fn no_result_is_not_finite_without_need() {
+        let rows = short();
+        assert_eq!(rows.len(), REGIMES.len() * 2 * (1 + METHODS.len() + BUILTIN.len()));
+        assert!(rows.iter().all(|row| row.nonfinite == 0));
+        assert!(rows.iter().filter(|row| row.method == "none").all(|row| row.mse_ratio == 1.0));
+        let names: std::collections::BTreeSet<_> = REGIMES.iter().map(|r| r.name).collect();
+        assert_eq!(names.len(), REGIMES.len());
+    }
+
+    /// What textbooks promise (Weniger 1989) with these eight terms: bounds on
+    /// √(MSE ratio) = |T − I|/|S − I|. A gain ends at f32's rounding of S, 6e-8, times
+    /// what the method magnifies it by, over |S_8 − I|: 4.3, 0.06, 0.12, 2.8e-5.
+    #[test]
+    fn textbook_gains() {
+        let rows = short();
+        let error = |regime: &str, method: &str| {
+            let wanted = |row: &&Row| row.n == 8 && row.regime == regime && row.method == method;
+            rows.iter().find(wanted).expect("all pairs are measured").mse_ratio.sqrt()
+        };
+        let gains = [
+            // One geometric remainder is removed whole.
+            ("linear", "aitken", 1e-4),
+            ("linear", "aitken-iterated", 1e-4),
+            ("linear", "brezinski-theta", 1e-4),
+            ("linear", "wynn-epsilon", 1e-4),
+            // Δ² of a remainder (−1)^n/(2n) leaves a part of 1/(4 n²) of it.
+            ("alternating", "aitken", 1.0 / 128.0),
+            ("alternating", "wynn-epsilon", 1e-4),
+            ("alternating", "levin-u", 1e-6),
+            ("alternating", "brezinski-theta", 1e-4),
+            // Seven halvings.
+            ("alternating", "euler", 1.0 / 128.0),
+            // a_n g_n removes 1/n and leaves 1/(2 n²), Richardson n^{-4}.
+            ("logarithmic", "an-gn", 1.0 / 12.0),
+            ("logarithmic", "richardson", 1e-3),
+            ("logarithmic", "levin-u", 1e-2),
+            ("logarithmic", "brezinski-theta", 1e-2),
+            ("hyperlinear", "levin-u", 1e-2),
+        ];
+        for (regime, method, bound) in gains {
+            let error = error(regime, method);
+            assert!(error < bound, "{regime}, {method}: {error}");
+        }
+        // Δ² halves a remainder 1/n in the limit, no more; ε gains little either.
+        assert!((0.4..0.7).contains(&error("logarithmic", "aitken")));
+        assert!(error("logarithmic", "wynn-epsilon") > 0.2);
+        // Euler goes back in time, and Richardson sees powers of 1/n everywhere.
+        assert!(error("linear", "euler") > 1.0 && error("hyperlinear", "richardson") > 1.0);
+    }
+
+    #[test]
+    fn a_ratio_of_nothing_is_one() {
+        assert_eq!((ratio(0.0, 0.0), ratio(1.0, 0.0), ratio(1.0, 4.0)), (1.0, f64::INFINITY, 0.25));
+    }
+
+    /// Says that all is well, and returns 5, NaN, 2, 2, ….
+    struct Bad;
+
+    impl nst_core::Transform for Bad {
+        fn window(&self) -> usize {
+            1
+        }
+
+        fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), nst_core::Error> {
+            let value = |(_, lane)| [2.0, 5.0, f32::NAN][if lane < 2 { lane + 1 } else { 0 }];
+            let terms = ndarray::Array2::from_shape_fn((1, batch.lanes()), value);
+            nst_core::Identity.apply(&SequenceBatch::new(terms, vec![1])?, out)
+        }
+    }
+
+    #[test]
+    fn the_measures_see_errors_bias_and_outliers() -> Result<(), Error> {
+        let method = Method { transform: Box::new(Bad), ..named("none")? };
+        // I = 0, S = 1.
+        let case = simulate(&[4], 100, 0, |_, _| (0.0, |_: u32, _: &mut Rng| 1.0));
+        let row = measure(&method, &REGIMES[0], 4, &case, 1.0)?;
+        assert_eq!((row.nonfinite, row.worst_ratio), (1, 25.0));
+        assert!(row.mse_ratio.is_nan(), "a NaN must not pass unseen");
+        Ok(())
+    }
+
+    fn named(name: &'static str) -> Result<Method, Error> {
+        let none = name == "none";
+        let transform = if none { TransformArg::None } else { TransformArg::Method(name) };
+        Method::named(transform, BackendArg::Cpu, "", &[])
+    }
+
+    #[test]
+    fn terms_that_methods_read() -> Result<(), Error> {
+        let read = [("none", 1), ("prior-mean", 1), ("levin-u", 8), ("aitken", 3), ("ridge", 5)];
+        for (name, terms) in read {
+            assert_eq!(terms_read(&named(name)?), terms, "{name}");
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,119 @@
+//! Random numbers, and running means of simulated samples.
+
+use ndarray::Array2;
+use nst_core::{SequenceBatch, methods::FOLDS};
+use rayon::prelude::*;
+
+/// Sequences whose limits are known.
+pub(super) struct Case {
+    pub(super) batch: SequenceBatch,
+    /// I of each lane.
+    pub(super) limits: Vec<f64>,
+}
+
+/// SplitMix64 (Steele, Lea, Flood 2014).
+pub(super) struct Rng(u64);
+
+impl Rng {
+    /// Independent numbers for each seed and stream.
+    pub(super) fn new(seed: u64, stream: u64) -> Self {
+        Self(mix(mix(seed.wrapping_add(GAMMA)) ^ stream))
+    }
+
+    /// 64 random bits.
+    pub(super) fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(GAMMA);
+        mix(self.0)
+    }
+
+    /// Uniform on [0, 1).
+    pub(super) fn uniform(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+const GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
+
+fn mix(mut z: u64) -> u64 {
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// Running means with the given sample counts, and the means of the folds, where
+/// sample i belongs to fold i mod 4.
+///
+/// `lane` returns the limit of a lane and its samples, as a function of their index
+/// and of the lane's own random numbers. Sums are in f64, as in a rendering.
+pub(super) fn simulate<F: FnMut(u32, &mut Rng) -> f64>(
+    counts: &[u32],
+    lanes: usize,
+    seed: u64,
+    lane: impl Fn(usize, &mut Rng) -> (f64, F) + Sync,
+) -> Case {
+    let last = counts[counts.len() - 1];
+    let recorded: Vec<_> = (0..lanes)
+        .into_par_iter()
+        .map(|index| {
+            let mut rng = Rng::new(seed, index as u64);
+            let (limit, mut sample) = lane(index, &mut rng);
+            let (mut sum, mut folds) = (0.0, [0.0; FOLDS]);
+            let mut terms = Vec::with_capacity(counts.len());
+            for i in 0..last {
+                let value = sample(i, &mut rng);
+                sum += value;
+                folds[i as usize % FOLDS] += value;
+                if counts[terms.len()] == i + 1 {
+                    terms.push((sum / f64::from(i + 1)) as f32);
+                }
+            }
+            for (fold, sum) in folds.iter_mut().enumerate() {
+                *sum /= (last as usize - fold).div_ceil(FOLDS) as f64;
+            }
+            (limit, terms, folds)
+        })
+        .collect();
+    let terms = Array2::from_shape_fn((counts.len(), lanes), |(k, lane)| recorded[lane].1[k]);
+    let mut batch = batch(terms, counts);
+    for fold in 0..FOLDS {
+        let means = recorded.iter().map(|(_, _, folds)| folds[fold] as f32).collect();
+        batch.set_side(&format!("fold{fold}"), means).expect("a mean per lane");
+    }
+    Case { batch, limits: recorded.iter().map(|&(limit, ..)| limit).collect() }
+}
+
+/// One lane: the partial sums of a series, in f64 and rounded, and its limit.
+pub(super) fn series(counts: &[u32], limit: f64, term: impl Fn(u32) -> f64) -> (Case, Vec<f64>) {
+    let mut sum = 0.0;
+    let sums: Vec<_> = (1..=counts[counts.len() - 1])
+        .map(|n| {
+            sum += term(n);
+            sum
+        })
+        .collect();
+    let sums: Vec<_> = counts.iter().map(|&n| sums[n as usize - 1]).collect();
+    let terms = Array2::from_shape_fn((counts.len(), 1), |(k, _)| sums[k] as f32);
+    (Case { batch: batch(terms, counts), limits: vec![limit] }, sums)
+}
+
+fn batch(terms: Array2<f32>, counts: &[u32]) -> SequenceBatch {
+    SequenceBatch::new(terms, counts.to_vec()).expect("counts increase from 1")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn running_means_and_folds() {
+        let case = simulate(&[2, 6], 2, 0, |lane, _| (3.0, move |i, _| f64::from(i) + lane as f64));
+        assert_eq!(case.batch.terms(), ndarray::array![[0.5, 1.5], [2.5, 3.5]]);
+        // Samples 0 and 4; 1 and 5; 2; 3.
+        for (fold, mean) in [2.0, 3.0, 2.0, 3.0].into_iter().enumerate() {
+            let side = case.batch.side(&format!("fold{fold}"));
+            assert_eq!(side, Some(&[mean, mean + 1.0][..]));
+        }
+        let (case, sums) = series(&[1, 3], 2.0, f64::from);
+        assert_eq!((case.batch.last(), sums), (&[6.0][..], vec![1.0, 6.0]));
+    }
+}

@@ -1,0 +1,101 @@
+//! The methods that need no training: classical extrapolation and robust means.
+//!
+//! The classical ones ([`Extrapolation`]) model how a deterministic sequence
+//! approaches its limit. The robust ones look at the means of the four folds of
+//! a lane's samples, the side channels `fold0` … `fold3`.
+
+// Loops over lanes and features index several arrays at once, as the formulas do.
+#![allow(clippy::needless_range_loop)]
+
+mod a_n_g_n;
+mod aitken;
+mod epsilon;
+mod euler;
+mod extrapolation;
+mod folds;
+mod gmon;
+mod levin;
+mod median_of_means;
+mod prior_mean;
+mod reweight;
+mod richardson;
+mod ridge;
+mod theta;
+
+pub use a_n_g_n::{AnGn, Scale};
+pub use aitken::{Aitken, IteratedAitken};
+pub use epsilon::WynnEpsilon;
+pub use euler::Euler;
+pub use extrapolation::{Extrapolation, Lanes, WIDTH};
+pub use folds::FOLDS;
+pub use gmon::Gmon;
+pub use levin::LevinU;
+pub use median_of_means::MedianOfMeans;
+pub use prior_mean::PriorMean;
+pub use reweight::Reweight;
+pub use richardson::Richardson;
+pub use ridge::Ridge;
+pub use theta::BrezinskiTheta;
+
+use crate::Transform;
+
+/// The names that [`method`] knows: classical methods, then robust ones.
+pub const METHODS: &[&str] = &[
+    "aitken",
+    "aitken-iterated",
+    "levin-u",
+    "brezinski-theta",
+    "wynn-epsilon",
+    "euler",
+    "richardson",
+    "an-gn",
+    "an-gn-square",
+    "an-gn-geometric",
+    "prior-mean",
+    "median-of-means",
+    "gmon",
+    "reweight",
+    "ridge",
+];
+
+/// The method of a name in [`METHODS`].
+#[must_use]
+pub fn method(name: &str) -> Option<Box<dyn Transform>> {
+    Some(match name {
+        "prior-mean" => Box::new(PriorMean::OfTheBatch),
+        "median-of-means" => Box::new(MedianOfMeans),
+        "gmon" => Box::new(Gmon),
+        "reweight" => Box::new(Reweight),
+        "ridge" => Box::new(Ridge),
+        _ => Box::new(extrapolation(name)?),
+    })
+}
+
+/// The classical method of a name in [`METHODS`], for single sequences in f64.
+#[must_use]
+pub fn extrapolation(name: &str) -> Option<&'static dyn Extrapolation> {
+    Some(match name {
+        "aitken" => &Aitken,
+        "aitken-iterated" => &IteratedAitken,
+        "levin-u" => &LevinU,
+        "brezinski-theta" => &BrezinskiTheta,
+        "wynn-epsilon" => &WynnEpsilon,
+        "euler" => &Euler,
+        "richardson" => &Richardson,
+        "an-gn" => &AnGn(Scale::Inverse),
+        "an-gn-square" => &AnGn(Scale::InverseSquare),
+        "an-gn-geometric" => &AnGn(Scale::Geometric),
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_is_known() {
+        assert!(METHODS.iter().all(|name| method(name).is_some()));
+        assert!(method("Aitken").is_none());
+    }
+}
