@@ -18,7 +18,129 @@ pub(crate) enum Instructions {
 pub(crate) trait Kernel {
     type Output;
 
-    fn run(self) -> Self::Output;
+    fn run<V: Vectors>(self) -> Self::Output;
+}
+
+/// What compilers do not find by themselves.
+pub(crate) trait Vectors {
+    /// Which of eight intervals [max(near, nₖ), min(far, fₖ)] are not empty, as bits;
+    /// near and far begin as `start` and `end`. The bounds nₖ and fₖ on three axes
+    /// are `bytes · step + origin`.
+    fn overlaps(
+        bounds: [(&[u8; 8], &[u8; 8]); 3],
+        step: [f32; 3],
+        origin: [f32; 3],
+        end: f32,
+        slack: f32,
+    ) -> u32;
+
+    /// Which of eight flags are set: each is all ones or zeros.
+    fn bits(flags: &[u32; 8]) -> u32;
+}
+
+/// For any processor.
+struct Portable;
+
+impl Vectors for Portable {
+    #[inline(always)]
+    fn overlaps(
+        bounds: [(&[u8; 8], &[u8; 8]); 3],
+        step: [f32; 3],
+        origin: [f32; 3],
+        end: f32,
+        slack: f32,
+    ) -> u32 {
+        let mut near = [0.0_f32; 8];
+        let mut far = [end; 8];
+        for axis in 0..3 {
+            let (first, second) = bounds[axis];
+            for i in 0..8 {
+                let enter = f32::from(first[i]) * step[axis] + origin[axis];
+                let leave = f32::from(second[i]) * step[axis] + origin[axis];
+                near[i] = if enter > near[i] { enter } else { near[i] };
+                far[i] = if leave < far[i] { leave } else { far[i] };
+            }
+        }
+        let mut flags = [0; 8];
+        for i in 0..8 {
+            flags[i] = u32::from(near[i] <= far[i] * slack).wrapping_neg();
+        }
+        Self::bits(&flags)
+    }
+
+    #[inline(always)]
+    fn bits(flags: &[u32; 8]) -> u32 {
+        (0..8).fold(0, |bits, i| bits | flags[i] & 1 << i)
+    }
+}
+
+/// For processors with AVX2.
+#[cfg(target_arch = "x86_64")]
+struct Avx2;
+
+#[cfg(target_arch = "x86_64")]
+impl Vectors for Avx2 {
+    #[inline(always)]
+    fn overlaps(
+        bounds: [(&[u8; 8], &[u8; 8]); 3],
+        step: [f32; 3],
+        origin: [f32; 3],
+        end: f32,
+        slack: f32,
+    ) -> u32 {
+        #[allow(unsafe_code)]
+        // SAFETY: `Instructions::run` chooses this type where there is AVX2.
+        unsafe {
+            overlaps_avx2(bounds, step, origin, end, slack)
+        }
+    }
+
+    #[inline(always)]
+    fn bits(flags: &[u32; 8]) -> u32 {
+        #[allow(unsafe_code)]
+        // SAFETY: the same.
+        unsafe {
+            bits_avx2(flags)
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+#[inline]
+fn overlaps_avx2(
+    bounds: [(&[u8; 8], &[u8; 8]); 3],
+    step: [f32; 3],
+    origin: [f32; 3],
+    end: f32,
+    slack: f32,
+) -> u32 {
+    use std::arch::x86_64::*;
+    let mut near = _mm256_setzero_ps();
+    let mut far = _mm256_set1_ps(end);
+    for axis in 0..3 {
+        let (step, origin) = (_mm256_set1_ps(step[axis]), _mm256_set1_ps(origin[axis]));
+        let plane = |bytes: &[u8; 8]| {
+            let bytes = _mm_cvtsi64_si128(i64::from_le_bytes(*bytes));
+            let floats = _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(bytes));
+            _mm256_add_ps(_mm256_mul_ps(floats, step), origin)
+        };
+        near = _mm256_max_ps(plane(bounds[axis].0), near);
+        far = _mm256_min_ps(plane(bounds[axis].1), far);
+    }
+    let far = _mm256_mul_ps(far, _mm256_set1_ps(slack));
+    _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)) as u32
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+#[inline]
+fn bits_avx2(flags: &[u32; 8]) -> u32 {
+    use std::arch::x86_64::*;
+    #[allow(unsafe_code)]
+    // SAFETY: 32 bytes are read from an array of 32 bytes; any alignment will do.
+    let flags = unsafe { _mm256_loadu_ps(flags.as_ptr().cast()) };
+    _mm256_movemask_ps(flags) as u32
 }
 
 impl Instructions {
@@ -53,7 +175,7 @@ impl Instructions {
     /// Runs the version for these instructions, which the processor must have.
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
-            Self::Portable => kernel.run(),
+            Self::Portable => kernel.run::<Portable>(),
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)]
             // SAFETY: `detect` and `available` found the features.
@@ -69,7 +191,7 @@ impl Instructions {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
 fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run()
+    kernel.run::<Avx2>()
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -77,5 +199,5 @@ fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
     enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,bmi1,bmi2,lzcnt,popcnt"
 )]
 fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run()
+    kernel.run::<Avx2>()
 }

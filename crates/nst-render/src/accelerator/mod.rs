@@ -11,6 +11,7 @@ use obvhs::{BvhBuildParams, cwbvh::builder::build_cwbvh_from_tris};
 
 use crate::{
     Triangle,
+    instructions::Vectors,
     lanes::{LANES, Vec3s},
 };
 use {list::List, tree::Tree};
@@ -71,19 +72,19 @@ impl Accelerator {
 
     /// The nearest hits in the rays' intervals.
     #[inline(always)]
-    pub(crate) fn nearest(&self, rays: &Rays, hits: &mut Hits) {
+    pub(crate) fn nearest<V: Vectors>(&self, rays: &Rays, hits: &mut Hits) {
         match self {
             Self::List(list) => list.nearest(rays, hits),
-            Self::Tree(tree) => tree.nearest(rays, hits),
+            Self::Tree(tree) => tree.nearest::<V>(rays, hits),
         }
     }
 
     /// Whether there is any triangle in the rays' intervals.
     #[inline(always)]
-    pub(crate) fn hides(&self, rays: &Rays) -> [bool; LANES] {
+    pub(crate) fn hides<V: Vectors>(&self, rays: &Rays) -> [bool; LANES] {
         match self {
             Self::List(list) => list.hides(rays),
-            Self::Tree(tree) => tree.hides(rays),
+            Self::Tree(tree) => tree.hides::<V>(rays),
         }
     }
 }
@@ -98,7 +99,7 @@ fn build_tree(corners: &[[Vec3A; 3]]) -> Tree {
         BvhBuildParams::medium_build()
     };
     let mut build_time = Duration::ZERO;
-    Tree::new(build_cwbvh_from_tris(&bounded, params, &mut build_time), corners)
+    Tree::new(&build_cwbvh_from_tris(&bounded, params, &mut build_time), corners)
 }
 
 /// Moves a point off its surface, far enough that f32 rounding cannot put a new
@@ -154,10 +155,10 @@ mod tests {
         type Output = (Hits, [bool; LANES]);
 
         #[inline(always)]
-        fn run(self) -> Self::Output {
+        fn run<V: Vectors>(self) -> Self::Output {
             let mut hits = Hits::MISSED;
-            self.accelerator.nearest(self.rays, &mut hits);
-            (hits, self.accelerator.hides(self.rays))
+            self.accelerator.nearest::<V>(self.rays, &mut hits);
+            (hits, self.accelerator.hides::<V>(self.rays))
         }
     }
 

@@ -1,234 +1,280 @@
-//! Traversal of an eight-wide compressed BVH (Ylitie, Karras, Laine 2017).
+//! Traversal of an eight-wide compressed BVH (Ylitie, Karras, Laine 2017),
+//! sixteen rays in turns: each waits for its node from memory, and for the
+//! outcome of its tests, while the others work.
 
-use glam::{Vec2, Vec3A};
+use glam::{Vec3, Vec3A};
 use obvhs::cwbvh::{CwBvh, node::CwBvhNode};
 use smallvec::SmallVec;
 
 use super::{Hits, Rays};
-use crate::lanes::LANES;
+use crate::{instructions::Vectors, lanes::LANES};
 
-/// A ray from 0 to `tmax`, in units of its direction.
-#[derive(Clone, Copy)]
-struct Ray {
-    origin: Vec3A,
-    direction: Vec3A,
-    inverse: Vec3A,
-    tmax: f32,
-}
-
-impl Ray {
-    #[inline(always)]
-    fn new(rays: &Rays, lane: usize) -> Self {
-        let direction = Vec3A::from(rays.direction.get(lane));
-        // Where a component is 0, a large inverse of its sign does, and makes no NaN.
-        let least = Vec3A::splat(1e-18);
-        let divisor =
-            Vec3A::select(direction.abs().cmplt(least), least.copysign(direction), direction);
-        Self {
-            origin: rays.origin.get(lane).into(),
-            direction,
-            inverse: divisor.recip(),
-            tmax: rays.tmax[lane],
-        }
-    }
-}
-
-/// An intersection.
-#[derive(Clone, Copy)]
-struct Hit {
-    t: f32,
-    triangle: u32,
-    barycentric: Vec2,
-}
+/// How many boxes, and how many triangles, are tested at once.
+const WIDTH: usize = 8;
+/// A node's triangles fill up to so many blocks.
+const MAX_BLOCKS: usize = 3;
 
 /// The nodes of a tree, and the triangles of their leaves.
 pub(crate) struct Tree {
-    nodes: Vec<CwBvhNode>,
-    /// The triangles of one node take up to three blocks of their own.
+    nodes: Vec<Node>,
+    /// The blocks of one node follow each other.
     blocks: Vec<Block>,
+}
+
+/// Eight boxes, on a grid of 256³ steps. Which box is in which slot tells, for
+/// each octant of directions, in which order rays are likely to meet them.
+struct Node {
+    origin: Vec3,
+    /// Of a step of the grid.
+    size: Vec3,
+    /// Lower and upper bounds along x, y and z.
+    planes: [[[u8; WIDTH]; 2]; 3],
+    /// Index of the first inner child; the others follow in the order of slots.
+    first_child: u32,
+    first_block: u32,
+    /// The slots of inner children.
+    inner: u8,
+    /// The slots of leaves that have triangles in each block.
+    leaves: [u8; MAX_BLOCKS],
+}
+
+/// Eight triangles, coordinate by coordinate: a corner and the edges from there.
+/// Slots that are left over hold a point, which no ray hits.
+struct Block {
+    corner: [[f32; WIDTH]; 3],
+    edges: [[[f32; WIDTH]; 3]; 2],
+    triangles: [u32; WIDTH],
 }
 
 impl Tree {
     /// Takes obvhs' tree and the corners of the triangles it was built from.
-    pub(super) fn new(bvh: CwBvh, corners: &[[Vec3A; 3]]) -> Self {
-        let mut nodes = bvh.nodes;
+    pub(super) fn new(bvh: &CwBvh, corners: &[[Vec3A; 3]]) -> Self {
         let mut blocks = Vec::new();
-        for node in &mut nodes {
-            let leaves = (0..8).filter(|&child| node.is_leaf(child) && !node.is_child_empty(child));
-            let end = |child| {
+        let nodes = bvh.nodes.iter().map(|node| {
+            let first_block = blocks.len() as u32;
+            let mut leaves = [0; MAX_BLOCKS];
+            let mut used = 0;
+            for child in (0..WIDTH).filter(|&c| node.is_leaf(c) && !node.is_child_empty(c)) {
                 let (first, count) = node.child_primitives(child);
-                first + count
-            };
-            let first = node.primitive_base_idx;
-            let count = leaves.map(end).max().unwrap_or(first) - first;
-            let indices = &bvh.primitive_indices[first as usize..(first + count) as usize];
-            // From here on, the index of the node's first block.
-            node.primitive_base_idx = blocks.len() as u32;
-            blocks.extend(indices.chunks(WIDTH).map(|chunk| Block::new(chunk, corners)));
-        }
-        Self { nodes, blocks }
-    }
-
-    #[inline(always)]
-    pub(super) fn nearest(&self, rays: &Rays, hits: &mut Hits) {
-        *hits = Hits::MISSED;
-        for i in (0..LANES).filter(|&i| rays.tmax[i] >= 0.0) {
-            if let Some(hit) = self.traverse::<false>(Ray::new(rays, i)) {
-                hits.t[i] = hit.t;
-                hits.triangle[i] = hit.triangle;
-                hits.u[i] = hit.barycentric.x;
-                hits.v[i] = hit.barycentric.y;
-            }
-        }
-    }
-
-    #[inline(always)]
-    pub(super) fn hides(&self, rays: &Rays) -> [bool; LANES] {
-        let mut hidden = [false; LANES];
-        for i in (0..LANES).filter(|&i| rays.tmax[i] >= 0.0) {
-            hidden[i] = self.traverse::<true>(Ray::new(rays, i)).is_some();
-        }
-        hidden
-    }
-
-    /// The nearest hit, or with `ANY` the first that turns up.
-    #[inline(always)]
-    fn traverse<const ANY: bool>(&self, mut ray: Ray) -> Option<Hit> {
-        let slabs = Slabs::new(&ray);
-        let mut found = None;
-        let mut stack: SmallVec<[Group; 24]> = SmallVec::new();
-        let mut group = Group { base: 0, bits: 1 << 31 };
-        loop {
-            let child = 31 - group.bits.leading_zeros();
-            let inner = group.bits;
-            group.bits &= !(1 << child);
-            if group.bits & HITS != 0 {
-                stack.push(group);
-            }
-            let slot = (child - 24) ^ (slabs.octant & 0xff);
-            let before = (inner & !(u32::MAX << slot) & 0xff).count_ones();
-            let node = &self.nodes[(group.base + before) as usize];
-            let hits = slabs.hits(node, ray.tmax);
-
-            let mut triangles = hits & !HITS;
-            let mut block = node.primitive_base_idx as usize;
-            while triangles != 0 {
-                if let Some(hit) = self.blocks[block].intersect(&ray, triangles & 0xff) {
-                    if ANY {
-                        return Some(hit);
+                for &triangle in &bvh.primitive_indices[first as usize..(first + count) as usize] {
+                    if used % WIDTH == 0 {
+                        blocks.push(Block::EMPTY);
                     }
-                    ray.tmax = hit.t;
-                    found = Some(hit);
+                    let block = blocks.last_mut().expect("one was just pushed");
+                    block.set(used % WIDTH, triangle, corners[triangle as usize]);
+                    leaves[used / WIDTH] |= 1 << child;
+                    used += 1;
                 }
-                triangles >>= WIDTH;
-                block += 1;
             }
+            Node::new(node, first_block, leaves)
+        });
+        Self { nodes: nodes.collect(), blocks }
+    }
 
-            group = Group { base: node.child_base_idx, bits: hits & HITS | u32::from(node.imask) };
-            if group.bits & HITS == 0 {
-                match stack.pop() {
-                    Some(next) => group = next,
-                    None => return found,
-                }
+    #[inline(always)]
+    pub(super) fn nearest<V: Vectors>(&self, rays: &Rays, hits: &mut Hits) {
+        *hits = Hits { t: rays.tmax, ..Hits::MISSED };
+        self.traverse::<V, false>(rays, hits);
+    }
+
+    #[inline(always)]
+    pub(super) fn hides<V: Vectors>(&self, rays: &Rays) -> [bool; LANES] {
+        let mut hits = Hits { t: rays.tmax, ..Hits::MISSED };
+        self.traverse::<V, true>(rays, &mut hits);
+        hits.triangle.map(|triangle| triangle != super::NONE)
+    }
+
+    /// Finds the nearest hits, or with `ANY` the first that turn up.
+    #[inline(always)]
+    fn traverse<V: Vectors, const ANY: bool>(&self, rays: &Rays, hits: &mut Hits) {
+        let slabs: [Slabs; LANES] = std::array::from_fn(|i| Slabs::new(rays, i));
+        let mut visits: [Visit; LANES] = std::array::from_fn(|_| Visit::root());
+        let mut boxes = [0_u32; LANES];
+        let mut active = [0_usize; LANES];
+        let mut count = 0;
+        for i in 0..LANES {
+            active[count] = i;
+            count += usize::from(rays.tmax[i] >= 0.0);
+        }
+        while count > 0 {
+            // Nothing in this loop depends on what a ray has hit: the processor
+            // works on several rays at once.
+            for &i in &active[..count] {
+                boxes[i] = slabs[i].hits::<V>(&self.nodes[visits[i].node as usize], hits.t[i]);
             }
+            let mut left = 0;
+            for k in 0..count {
+                let i = active[k];
+                let node = &self.nodes[visits[i].node as usize];
+                let mut found = false;
+                for (block, &leaves) in node.leaves.iter().enumerate() {
+                    if boxes[i] & u32::from(leaves) != 0 {
+                        let block = &self.blocks[node.first_block as usize + block];
+                        found |= block.intersect::<V>(rays, hits, i);
+                    }
+                }
+                let ended = ANY && found;
+                active[left] = i;
+                left += usize::from(!ended && visits[i].advance(node, boxes[i], slabs[i].octant));
+            }
+            count = left;
         }
     }
 }
 
-/// How many boxes, and how many triangles, are tested at once.
-const WIDTH: usize = 8;
-
-/// Eight triangles, coordinate by coordinate. Slots that are left over hold a
-/// point, which no ray hits.
-#[derive(Clone, Debug)]
-struct Block {
-    corner: [[f32; WIDTH]; 3],
-    /// To the second and to the third corner.
-    edges: [[[f32; WIDTH]; 3]; 2],
-    /// The product of the edges.
-    normal: [[f32; WIDTH]; 3],
-    triangles: [u32; WIDTH],
+impl Node {
+    fn new(node: &CwBvhNode, first_block: u32, leaves: [u8; MAX_BLOCKS]) -> Self {
+        Self {
+            origin: node.p,
+            size: node.compute_extent().into(),
+            planes: [
+                [node.child_min_x, node.child_max_x],
+                [node.child_min_y, node.child_max_y],
+                [node.child_min_z, node.child_max_z],
+            ],
+            first_child: node.child_base_idx,
+            first_block,
+            inner: node.imask,
+            leaves,
+        }
+    }
 }
 
 impl Block {
-    fn new(indices: &[u32], corners: &[[Vec3A; 3]]) -> Self {
-        let mut block = Self {
-            corner: [[0.0; WIDTH]; 3],
-            edges: [[[0.0; WIDTH]; 3]; 2],
-            normal: [[0.0; WIDTH]; 3],
-            triangles: [u32::MAX; WIDTH],
-        };
-        for (slot, &index) in indices.iter().enumerate() {
-            let [a, b, c] = corners[index as usize];
-            let (e1, e2) = (b - a, c - a);
-            let normal = e1.cross(e2);
-            for axis in 0..3 {
-                block.corner[axis][slot] = a[axis];
-                block.edges[0][axis][slot] = e1[axis];
-                block.edges[1][axis][slot] = e2[axis];
-                block.normal[axis][slot] = normal[axis];
-            }
-            block.triangles[slot] = index;
+    const EMPTY: Self = Self {
+        corner: [[0.0; WIDTH]; 3],
+        edges: [[[0.0; WIDTH]; 3]; 2],
+        triangles: [super::NONE; WIDTH],
+    };
+
+    fn set(&mut self, slot: usize, triangle: u32, [a, b, c]: [Vec3A; 3]) {
+        for axis in 0..3 {
+            self.corner[axis][slot] = a[axis];
+            self.edges[0][axis][slot] = b[axis] - a[axis];
+            self.edges[1][axis][slot] = c[axis] - a[axis];
         }
-        block
+        self.triangles[slot] = triangle;
     }
 
-    /// The nearest hit within the ray's interval among the slots of `wanted`
-    /// (Möller and Trumbore 1997, with the normal at hand).
+    /// Whether there is a hit nearer than the one of that lane, which it replaces
+    /// (Möller and Trumbore 1997).
     #[inline(always)]
-    fn intersect(&self, ray: &Ray, wanted: u32) -> Option<Hit> {
-        let [ox, oy, oz] = ray.origin.to_array();
-        let [dx, dy, dz] = ray.direction.to_array();
-        let ([ax, ay, az], [nx, ny, nz]) = (&self.corner, &self.normal);
-        let [[e1x, e1y, e1z], [e2x, e2y, e2z]] = &self.edges;
+    fn intersect<V: Vectors>(&self, rays: &Rays, hits: &mut Hits, lane: usize) -> bool {
+        let (origin, direction) = (rays.origin.get(lane), rays.direction.get(lane));
         let (mut t, mut u, mut v) = ([0.0_f32; WIDTH], [0.0_f32; WIDTH], [0.0_f32; WIDTH]);
-        let mut hits = 0;
+        let mut inside = [0; WIDTH];
+        let at = |values: &[[f32; WIDTH]; 3], i: usize| {
+            Vec3::new(values[0][i], values[1][i], values[2][i])
+        };
         for i in 0..WIDTH {
-            let (cx, cy, cz) = (ax[i] - ox, ay[i] - oy, az[i] - oz);
-            let inverse = 1.0 / (nx[i] * dx + ny[i] * dy + nz[i] * dz);
-            let (rx, ry, rz) = (cy * dz - cz * dy, cz * dx - cx * dz, cx * dy - cy * dx);
-            t[i] = (nx[i] * cx + ny[i] * cy + nz[i] * cz) * inverse;
-            u[i] = (rx * e2x[i] + ry * e2y[i] + rz * e2z[i]) * inverse;
-            v[i] = -(rx * e1x[i] + ry * e1y[i] + rz * e1z[i]) * inverse;
+            let (e1, e2) = (at(&self.edges[0], i), at(&self.edges[1], i));
+            let s = origin - at(&self.corner, i);
+            let p = direction.cross(e2);
+            let q = s.cross(e1);
+            let inverse = 1.0 / e1.dot(p);
+            t[i] = e2.dot(q) * inverse;
+            u[i] = s.dot(p) * inverse;
+            v[i] = direction.dot(q) * inverse;
         }
         for i in 0..WIDTH {
             // All false for a NaN, of a ray in the plane of the triangle.
-            let inside = (u[i] >= 0.0) & (v[i] >= 0.0) & (u[i] + v[i] <= 1.0);
-            let within = (t[i] >= 0.0) & (t[i] < ray.tmax);
-            hits |= u32::from(inside & within) << i;
+            let within = (t[i] >= 0.0) & (t[i] < hits.t[lane]);
+            let inside_edges = (u[i] >= 0.0) & (v[i] >= 0.0) & (u[i] + v[i] <= 1.0);
+            inside[i] = u32::from(inside_edges & within).wrapping_neg();
         }
-        hits &= wanted;
-        let mut nearest: Option<Hit> = None;
-        while hits != 0 {
-            let i = hits.trailing_zeros() as usize;
-            hits &= hits - 1;
-            if nearest.is_none_or(|hit| t[i] < hit.t) {
-                let barycentric = Vec2::new(u[i], v[i]);
-                nearest = Some(Hit { t: t[i], triangle: self.triangles[i], barycentric });
+        let mut mask = V::bits(&inside);
+        let found = mask != 0;
+        while mask != 0 {
+            let i = mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            if t[i] < hits.t[lane] {
+                hits.t[lane] = t[i];
+                hits.u[lane] = u[i];
+                hits.v[lane] = v[i];
+                hits.triangle[lane] = self.triangles[i];
             }
         }
-        nearest
+        found
     }
 }
 
-/// Children of one node that are still to be visited: in the upper byte those
-/// that were hit, in the order of the ray's octant; in the lower byte which
-/// children are inner nodes, to find their index.
+/// Inner children of one node that are still to be visited.
 #[derive(Clone, Copy)]
 struct Group {
-    base: u32,
-    bits: u32,
+    first_child: u32,
+    /// The slots of all inner children.
+    inner: u32,
+    /// The children, as [`ORDER`] has them.
+    children: u32,
 }
 
-const HITS: u32 = 0xff00_0000;
+/// Where a ray is, and what it still has to visit.
+struct Visit {
+    node: u32,
+    group: Group,
+    /// Of nodes farther up. Trees are about as deep as the logarithm of their size.
+    stack: SmallVec<[Group; 16]>,
+}
+
+impl Visit {
+    #[inline(always)]
+    fn root() -> Self {
+        let group = Group { first_child: 0, inner: 0, children: 0 };
+        Self { node: 0, group, stack: SmallVec::new() }
+    }
+
+    /// Goes on to the next node; false if there is none.
+    #[inline(always)]
+    fn advance(&mut self, node: &Node, boxes: u32, octant: usize) -> bool {
+        let inner = u32::from(node.inner);
+        let children = u32::from(ORDER[octant][(boxes & inner) as usize]);
+        if children != 0 {
+            if self.group.children != 0 {
+                self.stack.push(self.group);
+            }
+            self.group = Group { first_child: node.first_child, inner, children };
+        } else if self.group.children == 0 {
+            let Some(group) = self.stack.pop() else { return false };
+            self.group = group;
+        }
+        let first = self.group.children.trailing_zeros();
+        self.group.children &= self.group.children - 1;
+        let slot = first ^ octant as u32;
+        let before = self.group.inner & ((1 << slot) - 1);
+        self.node = self.group.first_child + before.count_ones();
+        true
+    }
+}
+
+/// By octant: the bits of a set of slots in the order in which rays meet them.
+static ORDER: [[u8; 256]; 8] = {
+    let mut order = [[0; 256]; 8];
+    let mut octant = 0;
+    while octant < 8 {
+        let mut set = 0;
+        while set < 256 {
+            let mut slot = 0;
+            while slot < 8 {
+                if set >> slot & 1 != 0 {
+                    order[octant][set] |= 1 << (slot ^ octant);
+                }
+                slot += 1;
+            }
+            set += 1;
+        }
+        octant += 1;
+    }
+    order
+};
 
 /// What the test of a node needs of a ray.
 struct Slabs {
-    origin: Vec3A,
-    inverse: Vec3A,
-    negative: [bool; 3],
-    /// The child order of the ray's octant, in each byte.
-    octant: u32,
+    origin: Vec3,
+    inverse: Vec3,
+    /// By axis: which of two planes is the farther one along the ray.
+    far: [usize; 3],
+    /// The sides, as bits of a slot, from which the ray comes.
+    octant: usize,
 }
 
 /// Makes up for the rounding of the far distances (Ize 2013).
@@ -236,47 +282,31 @@ const SLACK: f32 = 1.0 + 8.0 * f32::EPSILON;
 
 impl Slabs {
     #[inline(always)]
-    fn new(ray: &Ray) -> Self {
-        let negative = ray.direction.to_array().map(|x| x < 0.0);
-        let bit = |axis: usize, bit: u32| if negative[axis] { 0 } else { bit * 0x0101_0101 };
+    fn new(rays: &Rays, lane: usize) -> Self {
+        let direction = rays.direction.get(lane);
+        // Where a component is 0, a large inverse of its sign does, and makes no NaN.
+        let divisor = |x: f32| if x.abs() < 1e-18 { 1e-18_f32.copysign(x) } else { x };
+        let forward = |x: f32| usize::from(!(x < 0.0));
+        let far = [forward(direction.x), forward(direction.y), forward(direction.z)];
         Self {
-            origin: ray.origin,
-            inverse: ray.inverse,
-            negative,
-            octant: bit(0, 4) | bit(1, 2) | bit(2, 1),
+            origin: rays.origin.get(lane),
+            inverse: Vec3::new(divisor(direction.x), divisor(direction.y), divisor(direction.z))
+                .recip(),
+            far,
+            octant: (far[0] << 2 | far[1] << 1 | far[2]) ^ 7,
         }
     }
 
-    /// The children hit, as `Group` orders them, and in the lower 24 bits the
-    /// triangles of the leaves that were hit.
+    /// The slots whose boxes the ray meets before `tmax`.
     #[inline(always)]
-    fn hits(&self, node: &CwBvhNode, tmax: f32) -> u32 {
-        let scale = node.compute_extent() * self.inverse;
-        let origin = (Vec3A::from(node.p) - self.origin) * self.inverse;
-        let mut near = [0.0; WIDTH];
-        let mut far = [tmax; WIDTH];
-        let planes = [
-            (&node.child_min_x, &node.child_max_x),
-            (&node.child_min_y, &node.child_max_y),
-            (&node.child_min_z, &node.child_max_z),
-        ];
-        for (axis, (low, high)) in planes.into_iter().enumerate() {
-            let (first, second) = if self.negative[axis] { (high, low) } else { (low, high) };
-            let (scale, origin) = (scale[axis], origin[axis]);
-            for i in 0..WIDTH {
-                let enter = f32::from(first[i]) * scale + origin;
-                let leave = f32::from(second[i]) * scale + origin;
-                near[i] = if enter > near[i] { enter } else { near[i] };
-                far[i] = if leave < far[i] { leave } else { far[i] };
-            }
-        }
-        let (bits, shifts) = node.get_child_and_index_bits(self.octant);
-        let (bits, shifts) = (bits.to_le_bytes(), shifts.to_le_bytes());
-        let mut hits = [0_u32; WIDTH];
-        for i in 0..WIDTH {
-            let hit = u32::from(near[i] <= far[i] * SLACK).wrapping_neg();
-            hits[i] = hit & (u32::from(bits[i]) << u32::from(shifts[i] & 31));
-        }
-        hits.into_iter().fold(0, |all, hit| all | hit)
+    fn hits<V: Vectors>(&self, node: &Node, tmax: f32) -> u32 {
+        let step = node.size * self.inverse;
+        let origin = (node.origin - self.origin) * self.inverse;
+        let planes = |axis: usize| {
+            let planes = &node.planes[axis];
+            (&planes[1 - self.far[axis]], &planes[self.far[axis]])
+        };
+        let bounds = [planes(0), planes(1), planes(2)];
+        V::overlaps(bounds, step.to_array(), origin.to_array(), tmax, SLACK)
     }
 }

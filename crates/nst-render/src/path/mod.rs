@@ -14,7 +14,7 @@ use crate::{
     SampleStream, SamplerKind, Scattering, Scene,
     accelerator::{Accelerator, Hits, NONE},
     bsdf::Prepared,
-    instructions::{Instructions, Kernel},
+    instructions::{Instructions, Kernel, Vectors},
     lanes::LANES,
     light::Lights,
     scene::interpolate,
@@ -145,14 +145,14 @@ impl Kernel for Trace<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run<V: Vectors>(self) {
         let Self { tracer, sampler, workspace: Workspace { paths, queues, radiance } } = self;
         let mut dimension = CAMERA_DIMENSIONS;
         for vertex in 1..=tracer.scene.max_depth {
             let is_last = vertex == tracer.scene.max_depth;
             for paths in paths.chunks() {
                 let mut hits = Hits::MISSED;
-                tracer.accelerator.nearest(&paths.rays, &mut hits);
+                tracer.accelerator.nearest::<V>(&paths.rays, &mut hits);
                 for i in (0..LANES).filter(|&i| paths.rays.tmax[i] >= 0.0) {
                     radiance[paths.path[i] as usize] += tracer.emitted(paths, &hits, i);
                     if hits.triangle[i] != NONE && !is_last {
@@ -176,7 +176,7 @@ impl Kernel for Trace<'_> {
                     }
                     tracer.survive(&draws, next);
                     let rays = &direct.lights.rays;
-                    let hidden = tracer.accelerator.hides(rays);
+                    let hidden = tracer.accelerator.hides::<V>(rays);
                     for i in (0..LANES).filter(|&i| rays.tmax[i] >= 0.0 && !hidden[i]) {
                         let contribution = Vec3A::from(direct.contribution.get(i));
                         radiance[points.path[i] as usize] += contribution;
