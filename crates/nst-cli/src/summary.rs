@@ -14,6 +14,8 @@ use crate::{args::CommonArgs, method::Method};
 #[derive(Debug, Serialize)]
 pub(crate) struct Summary {
     render_seconds: Option<f64>,
+    /// Part of `render_seconds`.
+    build_seconds: Option<f64>,
     transform_seconds: f64,
     io_seconds: f64,
     total_seconds: f64,
@@ -49,6 +51,7 @@ impl LaneCounts {
 /// A rendering's part of the summary.
 pub(crate) struct RenderStats {
     pub(crate) time: Duration,
+    pub(crate) build_time: Duration,
     pub(crate) paths: u64,
 }
 
@@ -73,6 +76,7 @@ impl Stopwatch {
     ) -> Summary {
         Summary {
             render_seconds: render.as_ref().map(|render| render.time.as_secs_f64()),
+            build_seconds: render.as_ref().map(|render| render.build_time.as_secs_f64()),
             transform_seconds: self.transform.as_secs_f64(),
             io_seconds: self.io.as_secs_f64(),
             total_seconds: self.start.elapsed().as_secs_f64(),

@@ -23,9 +23,9 @@ pub(crate) trait Kernel {
 
 /// What compilers do not find by themselves.
 pub(crate) trait Vectors {
-    /// Which of eight intervals [max(near, nₖ), min(far, fₖ)] are not empty, as bits;
-    /// near and far begin as `start` and `end`. The bounds nₖ and fₖ on three axes
-    /// are `bytes · step + origin`.
+    /// Which of eight boxes a ray meets between 0 and `end`, as bits. By axis, it
+    /// enters at `bytes · step + origin` with the first bytes, and leaves with the
+    /// second ones; `slack` makes the leaving later.
     fn overlaps(
         bounds: [(&[u8; 8], &[u8; 8]); 3],
         step: [f32; 3],

@@ -61,8 +61,11 @@ pub struct Rendering {
     pub batch: SequenceBatch,
     /// What the rendering can be continued from, `[lane]`.
     pub sums: Vec<LaneSums>,
-    /// How long it took, the acceleration structure included.
+    /// How long it took, from the loaded scene.
     pub time: Duration,
+    /// How much of that went into what paths need of the scene: the acceleration
+    /// structure, and tables for lights and materials.
+    pub build_time: Duration,
 }
 
 /// What a rendering says and is told as it goes along.
@@ -123,8 +126,11 @@ pub fn render_from(
         None => Accumulated::new(slots, scene.size),
         Some(start) => Accumulated::from(start, settings, scene.size)?,
     };
+    let build = Instant::now();
+    let tracer = PathTracer::new(scene);
+    let build_time = build.elapsed();
     let frame = Frame {
-        tracer: PathTracer::new(scene),
+        tracer,
         projection: Projection::new(&scene.camera, scene.size),
         sampler: Sampler::new(settings.sampler, settings.seed),
         filter: scene.pixel_filter,
@@ -149,7 +155,7 @@ pub fn render_from(
     }
     accumulated.samples = n;
     let (batch, sums) = accumulated.finish()?;
-    Ok(Rendering { batch, sums, time: begin.elapsed() })
+    Ok(Rendering { batch, sums, time: begin.elapsed(), build_time })
 }
 
 /// The recorded numbers of the whole picture; images are in the order of tiles.

@@ -97,7 +97,11 @@ fn picture(args: &RenderArgs) -> Result<(), Error> {
     })?;
     let mut lanes = LaneCounts::default();
     lanes.add(&estimates);
-    let stats = RenderStats { time: rendering.time, paths: paths(&scene, samples - done) };
+    let stats = RenderStats {
+        time: rendering.time,
+        build_time: rendering.build_time,
+        paths: paths(&scene, samples - done),
+    };
     watch.summary(Some(stats), &method, lanes, written).print(&args.common);
     if samples == args.spp {
         return Ok(());

@@ -1,6 +1,9 @@
 //! What `nst render --resume` takes from a sequence file, and what it refuses.
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 use nst_render::{
     Keep, RenderSettings, Rendering, SamplerKind, Scene,
@@ -133,7 +136,8 @@ impl Resumed {
                 self.path.display()
             )));
         };
-        let rendering = Rendering { batch: file.batch, sums, time: Default::default() };
+        let rendering =
+            Rendering { batch: file.batch, sums, time: Duration::ZERO, build_time: Duration::ZERO };
         Ok(Start { rendering, samples, seconds })
     }
 }
