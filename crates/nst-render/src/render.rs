@@ -79,7 +79,7 @@ pub struct Control<'a> {
 
 const CHANNELS: usize = 3;
 /// Samples of each pixel of a tile that are traced side by side.
-const BATCH: u32 = 8;
+const BATCH: u32 = 16;
 
 /// Renders a scene. The result depends on the scene and the settings alone, not
 /// on the number of threads. `progress` is called with the number of paths of

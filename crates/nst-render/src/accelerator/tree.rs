@@ -23,6 +23,7 @@ pub(crate) struct Tree {
 
 /// Eight boxes, on a grid of 256³ steps. Which box is in which slot tells, for
 /// each octant of directions, in which order rays are likely to meet them.
+#[repr(align(64))]
 struct Node {
     origin: Vec3,
     /// Of a step of the grid.
@@ -40,6 +41,7 @@ struct Node {
 
 /// Eight triangles, coordinate by coordinate: a corner and the edges from there.
 /// Slots that are left over hold a point, which no ray hits.
+#[repr(align(64))]
 struct Block {
     corner: [[f32; WIDTH]; 3],
     edges: [[[f32; WIDTH]; 3]; 2],
