@@ -1,6 +1,7 @@
-"""EXR files as two other programs read them: OpenImageIO and OpenEXR's own Python module."""
+"""EXR files as other programs read them: OpenImageIO, OpenEXR's own Python module, and its tools."""
 
 import json
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,15 @@ def read_oiio(path: Path) -> tuple[Channels, oiio.ImageSpec]:
         channels[name] = np.ascontiguousarray(pixels[:, :, 0])
     file.close()
     return channels, spec
+
+
+def read_openexr_tools(path: Path) -> tuple[str, Channels]:
+    """What `exrheader` prints, and the channels of a copy in tiles by `exrmaketiled`."""
+    copy = path.with_suffix(".tiled.exr")
+    command = ["exrheader", path]
+    listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    subprocess.run(["exrmaketiled", path, copy], capture_output=True, check=True)
+    return listed, read_openexr(copy)[0]
 
 
 def same_bits(a: np.ndarray, b: np.ndarray) -> bool:

@@ -1,4 +1,4 @@
-"""OpenImageIO and OpenEXR read every kind of file that nst writes: names, types, attributes, each bit."""
+"""OpenImageIO, OpenEXR and its tools read every kind of file that nst writes: names, types, attributes, each bit."""
 
 import subprocess
 from pathlib import Path
@@ -7,7 +7,16 @@ import numpy as np
 import pytest
 
 from conftest import REPOSITORY, Nst
-from readers import OIIOTOOL, Channels, read_dataset, read_oiio, read_openexr, same_bits, write_openexr
+from readers import (
+    OIIOTOOL,
+    Channels,
+    read_dataset,
+    read_oiio,
+    read_openexr,
+    read_openexr_tools,
+    same_bits,
+    write_openexr,
+)
 
 SCENE = REPOSITORY / "scenes/cornell/cornell.obj"
 WIDTH, HEIGHT, SPP = 13, 37, 11
@@ -15,7 +24,7 @@ RENDER = ("render", "--scene", SCENE, "--size", f"{WIDTH}x{HEIGHT}", "--spp", SP
 
 
 def read_by_all(path: Path) -> tuple[Channels, dict[str, object]]:
-    """Reads a file with both programs, which must agree in every bit."""
+    """Reads a file with all programs, which must agree in every bit."""
     channels, header = read_openexr(path)
     theirs, spec = read_oiio(path)
     assert sorted(theirs) == sorted(channels)
@@ -24,6 +33,15 @@ def read_by_all(path: Path) -> tuple[Channels, dict[str, object]]:
     for name, value in header.items():
         if name.startswith("nst."):
             assert spec.getattribute(name) == value, name
+    listed, copied = read_openexr_tools(path)
+    assert sorted(copied) == sorted(channels)
+    for name, pixels in channels.items():
+        assert same_bits(pixels, copied[name]), name
+        type_name = {"f": "32-bit floating-point", "u": "32-bit unsigned integer"}[pixels.dtype.kind]
+        assert f"    {name}, {type_name}, sampling 1 1\n" in listed, name
+    for name, value in header.items():
+        if name.startswith("nst."):
+            assert f'{name} (type string): "{value}"' in listed, name
     assert str(header["software"]).startswith("nst ")
     assert (spec.x, spec.y, spec.width, spec.height) == (0, 0, WIDTH, HEIGHT)
     return channels, header
