@@ -3,6 +3,7 @@
 
 use std::{
     ops::Range,
+    sync::{Mutex, PoisonError},
     time::{Duration, Instant},
 };
 
@@ -79,7 +80,7 @@ pub struct Control<'a> {
 
 const CHANNELS: usize = 3;
 /// Samples of each pixel of a tile that are traced side by side.
-const BATCH: u32 = 16;
+const BATCH: u32 = 8;
 
 /// Renders a scene. The result depends on the scene and the settings alone, not
 /// on the number of threads. `progress` is called with the number of paths of
@@ -140,10 +141,15 @@ pub fn render_from(
     let step = (1_u64 << 20).div_ceil(pixels).clamp(1, 16) as u32;
     let mut n = accumulated.samples;
     let mut tiles = accumulated.tiles();
+    let workspaces: Vec<Mutex<Workspace>> =
+        (0..rayon::current_num_threads()).map(|_| Mutex::default()).collect();
     loop {
         let pass = n..spp.min(n.saturating_add(step));
-        tiles.par_iter_mut().for_each_init(Workspace::default, |workspace, (tile, recorded)| {
-            frame.trace(workspace, tile, pass.clone(), |pixel, index, rgb| {
+        // Tiles differ in cost: none waits behind another while a thread is idle.
+        tiles.par_iter_mut().with_max_len(1).for_each(|(tile, recorded)| {
+            let thread = rayon::current_thread_index().unwrap_or_default();
+            let mut workspace = workspaces[thread].lock().unwrap_or_else(PoisonError::into_inner);
+            frame.trace(&mut workspace, tile, pass.clone(), |pixel, index, rgb| {
                 recorded.add(slots, pixel, index, rgb, pass.end);
             });
             (control.progress)(tile.pixels() as u64 * pass.len() as u64);
