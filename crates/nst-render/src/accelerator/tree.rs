@@ -288,7 +288,7 @@ impl Slabs {
         let direction = rays.direction.get(lane);
         // Where a component is 0, a large inverse of its sign does, and makes no NaN.
         let divisor = |x: f32| if x.abs() < 1e-18 { 1e-18_f32.copysign(x) } else { x };
-        let forward = |x: f32| usize::from(!(x < 0.0));
+        let forward = |x: f32| usize::from(x >= 0.0);
         let far = [forward(direction.x), forward(direction.y), forward(direction.z)];
         Self {
             origin: rays.origin.get(lane),
