@@ -4,52 +4,18 @@
 //! It is the only test of its binary, so that nothing else moves the peak.
 //! `NST_FUZZ_CASES=20000 cargo test -p nst-render --test fuzz_picture` tries more.
 
-// A global allocator is unsafe by nature; this one counts, and passes on.
-#![allow(unsafe_code)]
+mod fuzz;
 
 use std::{
-    alloc::{GlobalAlloc, Layout, System},
     panic::catch_unwind,
     path::Path,
-    sync::{
-        Mutex, PoisonError,
-        atomic::{AtomicUsize, Ordering::Relaxed},
-    },
+    sync::{Mutex, PoisonError},
 };
 
 use exr::prelude::*;
 use nst_render::{exr_header::ExrHeader, picture::Picture};
 
-struct Counting;
-
-static LIVE: AtomicUsize = AtomicUsize::new(0);
-static PEAK: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: every call goes to the system's allocator as it is.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        PEAK.fetch_max(LIVE.fetch_add(layout.size(), Relaxed) + layout.size(), Relaxed);
-        // SAFETY: the caller keeps the contract.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        LIVE.fetch_sub(layout.size(), Relaxed);
-        // SAFETY: as above.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// The most that was allocated at once while `work` ran, beyond what was before.
-fn peak_of<T>(work: impl FnOnce() -> T) -> (T, usize) {
-    let before = LIVE.load(Relaxed);
-    PEAK.store(before, Relaxed);
-    let result = work();
-    (result, PEAK.load(Relaxed) - before)
-}
+use fuzz::{Random, peak_of};
 
 /// Cases for each file, unless the environment asks for others.
 const CASES_PER_FILE: u64 = 750;
@@ -59,27 +25,6 @@ const CASES_PER_FILE: u64 = 750;
 /// lanes, and 16 bits become 32.
 fn allowed(bytes: usize) -> usize {
     (4 << 20) + 8 * 1032 * bytes
-}
-
-/// SplitMix64 (Steele, Lea, Flood 2014).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    fn below(&mut self, end: usize) -> usize {
-        (self.next() % end.max(1) as u64) as usize
-    }
-
-    fn pick<T: Copy>(&mut self, from: &[T]) -> T {
-        from[self.below(from.len())]
-    }
 }
 
 const NUMBERS: [u32; 12] = [
