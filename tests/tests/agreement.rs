@@ -190,6 +190,7 @@ proptest! {
         // Each case compiles a shader, which takes lavapipe a tenth of a second.
         cases: 24,
         rng_seed: RngSeed::Fixed(1),
+        failure_persistence: None,
         ..ProptestConfig::default()
     })]
 

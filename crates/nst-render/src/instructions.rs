@@ -23,19 +23,24 @@ pub(crate) trait Kernel {
 
 /// What compilers do not find by themselves.
 pub(crate) trait Vectors {
-    /// Which of eight boxes a ray meets between 0 and `end`, as bits. By axis, it
-    /// enters at `bytes · step + origin` with the first bytes, and leaves with the
-    /// second ones; `slack` makes the leaving later.
-    fn overlaps(
-        bounds: [(&[u8; 8], &[u8; 8]); 3],
-        step: [f32; 3],
-        origin: [f32; 3],
-        end: f32,
-        slack: f32,
-    ) -> u32;
+    /// Which of eight boxes a ray meets, as bits.
+    fn overlaps(boxes: &Boxes<'_>) -> u32;
 
     /// Which of eight flags are set: each is all ones or zeros.
     fn bits(flags: &[u32; 8]) -> u32;
+}
+
+/// Eight boxes, as a ray sees them.
+pub(crate) struct Boxes<'a> {
+    /// By axis: it enters at `bytes · step + origin` with the first bytes, and
+    /// leaves with the second ones.
+    pub(crate) bounds: [(&'a [u8; 8], &'a [u8; 8]); 3],
+    pub(crate) step: [f32; 3],
+    pub(crate) origin: [f32; 3],
+    /// Where the ray ends; it begins at 0.
+    pub(crate) end: f32,
+    /// A factor that makes the leaving later.
+    pub(crate) slack: f32,
 }
 
 /// For any processor.
@@ -43,13 +48,8 @@ struct Portable;
 
 impl Vectors for Portable {
     #[inline(always)]
-    fn overlaps(
-        bounds: [(&[u8; 8], &[u8; 8]); 3],
-        step: [f32; 3],
-        origin: [f32; 3],
-        end: f32,
-        slack: f32,
-    ) -> u32 {
+    fn overlaps(boxes: &Boxes<'_>) -> u32 {
+        let &Boxes { bounds, step, origin, end, slack } = boxes;
         let mut near = [0.0_f32; 8];
         let mut far = [end; 8];
         for axis in 0..3 {
@@ -81,17 +81,11 @@ struct Avx2;
 #[cfg(target_arch = "x86_64")]
 impl Vectors for Avx2 {
     #[inline(always)]
-    fn overlaps(
-        bounds: [(&[u8; 8], &[u8; 8]); 3],
-        step: [f32; 3],
-        origin: [f32; 3],
-        end: f32,
-        slack: f32,
-    ) -> u32 {
+    fn overlaps(boxes: &Boxes<'_>) -> u32 {
         #[allow(unsafe_code)]
         // SAFETY: `Instructions::run` chooses this type where there is AVX2.
         unsafe {
-            overlaps_avx2(bounds, step, origin, end, slack)
+            overlaps_avx2(boxes)
         }
     }
 
@@ -108,14 +102,9 @@ impl Vectors for Avx2 {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 #[inline]
-fn overlaps_avx2(
-    bounds: [(&[u8; 8], &[u8; 8]); 3],
-    step: [f32; 3],
-    origin: [f32; 3],
-    end: f32,
-    slack: f32,
-) -> u32 {
+fn overlaps_avx2(boxes: &Boxes<'_>) -> u32 {
     use std::arch::x86_64::*;
+    let &Boxes { bounds, step, origin, end, slack } = boxes;
     let mut near = _mm256_setzero_ps();
     let mut far = _mm256_set1_ps(end);
     for axis in 0..3 {

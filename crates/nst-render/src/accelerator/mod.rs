@@ -169,6 +169,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig {
             rng_seed: RngSeed::Fixed(1),
+            failure_persistence: None,
             ..ProptestConfig::default()
         })]
 

@@ -7,7 +7,10 @@ use obvhs::cwbvh::{CwBvh, node::CwBvhNode};
 use smallvec::SmallVec;
 
 use super::{Hits, Rays};
-use crate::{instructions::Vectors, lanes::LANES};
+use crate::{
+    instructions::{Boxes, Vectors},
+    lanes::LANES,
+};
 
 /// How many boxes, and how many triangles, are tested at once.
 const WIDTH: usize = 8;
@@ -308,7 +311,12 @@ impl Slabs {
             let planes = &node.planes[axis];
             (&planes[1 - self.far[axis]], &planes[self.far[axis]])
         };
-        let bounds = [planes(0), planes(1), planes(2)];
-        V::overlaps(bounds, step.to_array(), origin.to_array(), tmax, SLACK)
+        V::overlaps(&Boxes {
+            bounds: [planes(0), planes(1), planes(2)],
+            step: step.to_array(),
+            origin: origin.to_array(),
+            end: tmax,
+            slack: SLACK,
+        })
     }
 }

@@ -173,17 +173,17 @@ impl PathTracer<'_> {
     /// Ends paths that carry nothing, and some of the others by Russian roulette.
     #[inline(always)]
     pub(super) fn survive(&self, draws: &Draws, next: &mut Paths) {
+        let draw = draws.survival.unwrap_or([0.0; LANES]);
         for i in 0..LANES {
             let throughput = next.throughput.get(i);
             let largest = max(throughput.x, max(throughput.y, throughput.z));
-            next.rays.tmax[i] = if largest > 0.0 { next.rays.tmax[i] } else { -1.0 };
-        }
-        let Some(draw) = &draws.survival else { return };
-        for i in 0..LANES {
-            let throughput = next.throughput.get(i);
-            let largest = max(throughput.x, max(throughput.y, throughput.z));
-            let survival = if largest < MAX_SURVIVAL { largest } else { MAX_SURVIVAL };
-            next.rays.tmax[i] = if draw[i] < survival { next.rays.tmax[i] } else { -1.0 };
+            let survival = match draws.survival {
+                Some(_) if largest < MAX_SURVIVAL => largest,
+                Some(_) => MAX_SURVIVAL,
+                None => 1.0,
+            };
+            let alive = (largest > 0.0) & (draw[i] < survival);
+            next.rays.tmax[i] = if alive { next.rays.tmax[i] } else { -1.0 };
             next.throughput.set(i, throughput * (1.0 / survival));
         }
     }
