@@ -3,6 +3,8 @@
 
 use glam::Vec3;
 
+use crate::instructions::{Floats, Vec3x};
+
 /// As many as AVX-512 holds in a register; AVX2 takes two, SSE2 four.
 pub(crate) const LANES: usize = 16;
 
@@ -28,5 +30,12 @@ impl Vec3s {
         self.x[lane] = value.x;
         self.y[lane] = value.y;
         self.z[lane] = value.z;
+    }
+
+    /// As many lanes as `F` has, from `first` on.
+    #[inline(always)]
+    pub(crate) fn load<F: Floats>(&self, first: usize) -> Vec3x<F> {
+        let [x, y, z] = [&self.x, &self.y, &self.z].map(|values| F::load(&values[first..]));
+        Vec3x::new(x, y, z)
     }
 }

@@ -1,82 +1,163 @@
 //! A few triangles, all of them tested against sixteen rays at once: faster than
-//! a tree while there are no more than [`MAX_LENGTH`].
+//! a tree while there are no more than [`MAX_LENGTH`]. Two triangles that make a
+//! plane quadrilateral are tested as one face, for little more than one of them.
 
 use glam::{Vec3, Vec3A};
 
 use super::{Hits, NONE, Rays};
-use crate::lanes::LANES;
+use crate::{
+    instructions::{Floats, Vec3x, Vectors},
+    lanes::LANES,
+};
 
 /// Where a tree begins to be faster.
 pub(super) const MAX_LENGTH: usize = 64;
 
-/// Triangles in the order of the scene.
-pub(crate) struct List(Vec<Corner>);
+/// How far the fourth corner of a face may be off the plane of the others, relative
+/// to the face's extent: the rounding of corners in f32.
+const PLANE_TOLERANCE: f64 = 4.0 * f32::EPSILON as f64;
 
-/// A corner of a triangle, the edges from there, and their product.
-struct Corner {
-    position: Vec3,
-    edges: [Vec3; 2],
+/// All triangles, in the order of the scene.
+pub(crate) struct List(Vec<Face>);
+
+/// A triangle with corners a, b, c, or two of them with corners a, b, c and a, c, d.
+struct Face {
+    a: Vec3,
+    /// b − a, c − a, d − a.
+    edges: [Vec3; 3],
+    /// (b − a) × (c − a)
     normal: Vec3,
+    /// The area of the first triangle by that of the second; NaN if there is none.
+    ratio: f32,
+    /// The first triangle's index; the second's is the next one.
+    triangle: u32,
+}
+
+/// Where rays meet a face's plane.
+#[derive(Clone, Copy)]
+struct Meeting<F> {
+    /// Distances in units of the rays' directions.
+    t: F,
+    /// Barycentric weights in the triangle on that side of the diagonal.
+    u: F,
+    v: F,
+    /// The bits of the triangle's index.
+    triangle: F,
 }
 
 impl List {
     pub(super) fn new(corners: &[[Vec3A; 3]]) -> Self {
-        let corner = |&[a, b, c]: &[Vec3A; 3]| {
-            let (e1, e2) = (b - a, c - a);
-            Corner {
-                position: a.into(),
-                edges: [e1.into(), e2.into()],
-                normal: e1.cross(e2).into(),
-            }
-        };
-        Self(corners.iter().map(corner).collect())
+        let mut faces = Vec::new();
+        let mut rest = corners;
+        while let [first, others @ ..] = rest {
+            let face = Face::new((corners.len() - rest.len()) as u32, first, others.first());
+            rest = if face.ratio.is_nan() { others } else { &others[1..] };
+            faces.push(face);
+        }
+        Self(faces)
     }
 
     #[inline(always)]
-    pub(super) fn nearest(&self, rays: &Rays, hits: &mut Hits) {
-        let mut nearest = Hits { t: rays.tmax, ..Hits::MISSED };
-        for (triangle, corner) in (0..).zip(&self.0) {
-            for i in 0..LANES {
-                let (t, u, v) = corner.intersect(rays.origin.get(i), rays.direction.get(i));
-                let closer = is_inside(u, v) & (t >= 0.0) & (t < nearest.t[i]);
-                nearest.t[i] = if closer { t } else { nearest.t[i] };
-                nearest.u[i] = if closer { u } else { nearest.u[i] };
-                nearest.v[i] = if closer { v } else { nearest.v[i] };
-                nearest.triangle[i] = if closer { triangle } else { nearest.triangle[i] };
+    pub(super) fn nearest<V: Vectors>(&self, rays: &Rays, hits: &mut Hits) {
+        for first in (0..LANES).step_by(V::Lanes::WIDTH) {
+            let origin = rays.origin.load::<V::Lanes>(first);
+            let direction = rays.direction.load::<V::Lanes>(first);
+            let mut nearest = Meeting {
+                t: Floats::load(&rays.tmax[first..]),
+                u: Floats::splat(0.0),
+                v: Floats::splat(0.0),
+                triangle: Floats::splat(f32::from_bits(NONE)),
+            };
+            for face in &self.0 {
+                let met = face.meet(origin, direction);
+                nearest = Meeting::select(met.is_within(nearest.t), met, nearest);
             }
+            nearest.t.store(&mut hits.t[first..]);
+            nearest.u.store(&mut hits.u[first..]);
+            nearest.v.store(&mut hits.v[first..]);
+            nearest.triangle.store(bytemuck::cast_slice_mut(&mut hits.triangle[first..]));
         }
-        *hits = nearest;
     }
 
     #[inline(always)]
-    pub(super) fn hides(&self, rays: &Rays) -> [bool; LANES] {
-        let mut hidden = [NONE; LANES];
-        for corner in &self.0 {
-            for i in 0..LANES {
-                let (t, u, v) = corner.intersect(rays.origin.get(i), rays.direction.get(i));
-                let hit = is_inside(u, v) & (t >= 0.0) & (t < rays.tmax[i]);
-                hidden[i] = if hit { 0 } else { hidden[i] };
+    pub(super) fn hides<V: Vectors>(&self, rays: &Rays) -> [bool; LANES] {
+        let mut hidden = [false; LANES];
+        for first in (0..LANES).step_by(V::Lanes::WIDTH) {
+            let origin = rays.origin.load::<V::Lanes>(first);
+            let direction = rays.direction.load::<V::Lanes>(first);
+            let tmax = Floats::load(&rays.tmax[first..]);
+            let mut hit = 0;
+            for face in &self.0 {
+                hit |= V::Lanes::bits(face.meet(origin, direction).is_within(tmax));
+            }
+            for i in 0..V::Lanes::WIDTH {
+                hidden[first + i] = hit >> i & 1 != 0;
             }
         }
-        hidden.map(|triangle| triangle != NONE)
+        hidden
     }
 }
 
-impl Corner {
-    /// Distance and barycentric weights where a ray meets the plane (Möller and
-    /// Trumbore 1997, with the normal at hand); NaN for a ray within the plane.
+impl Face {
+    /// Takes in the second triangle if it fits the first one.
+    fn new(triangle: u32, first: &[Vec3A; 3], second: Option<&[Vec3A; 3]>) -> Self {
+        let &[a, b, c] = first;
+        let (d, ratio) = second
+            .filter(|second| second[0] == a && second[1] == c)
+            .and_then(|second| Some((second[2], ratio(a, b, c, second[2])?)))
+            .unwrap_or((c, f32::NAN));
+        let edges = [b - a, c - a, d - a].map(Vec3::from);
+        Self { a: a.into(), edges, normal: edges[0].cross(edges[1]), ratio, triangle }
+    }
+
+    /// Möller and Trumbore (1997), with the normal at hand; NaN for a ray within the plane.
     #[inline(always)]
-    fn intersect(&self, origin: Vec3, direction: Vec3) -> (f32, f32, f32) {
-        let c = self.position - origin;
-        let inverse = 1.0 / self.normal.dot(direction);
-        let r = c.cross(direction);
-        let t = self.normal.dot(c) * inverse;
-        (t, r.dot(self.edges[1]) * inverse, -r.dot(self.edges[0]) * inverse)
+    fn meet<F: Floats>(&self, origin: Vec3x<F>, direction: Vec3x<F>) -> Meeting<F> {
+        let to_a = Vec3x::splat(self.a) - origin;
+        let normal = Vec3x::splat(self.normal);
+        let inverse = F::splat(1.0) / normal.dot(direction);
+        let r = to_a.cross(direction);
+        let [b, c, d] = self.edges.map(|edge| r.dot(Vec3x::splat(edge)) * inverse);
+        // The diagonal from a to c divides the plane.
+        let first = F::splat(0.0).at_most(c);
+        let ratio = F::splat(self.ratio);
+        let index = |triangle| F::splat(f32::from_bits(triangle));
+        Meeting {
+            t: normal.dot(to_a) * inverse,
+            u: F::select(first, c, d * ratio),
+            v: F::select(first, -b, -c * ratio),
+            triangle: F::select(first, index(self.triangle), index(self.triangle + 1)),
+        }
     }
 }
 
-/// All false for a NaN.
-#[inline(always)]
-fn is_inside(u: f32, v: f32) -> bool {
-    (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0)
+impl<F: Floats> Meeting<F> {
+    /// Where they are in the triangle, and on the ray; not where they are NaN.
+    #[inline(always)]
+    fn is_within(&self, tmax: F) -> F::Mask {
+        let &Self { t, u, v, .. } = self;
+        let (zero, one) = (F::splat(0.0), F::splat(1.0));
+        zero.at_most(u) & zero.at_most(v) & (u + v).at_most(one) & zero.at_most(t) & t.less(tmax)
+    }
+
+    #[inline(always)]
+    fn select(mask: F::Mask, yes: Self, no: Self) -> Self {
+        Self {
+            t: F::select(mask, yes.t, no.t),
+            u: F::select(mask, yes.u, no.u),
+            v: F::select(mask, yes.v, no.v),
+            triangle: F::select(mask, yes.triangle, no.triangle),
+        }
+    }
+}
+
+/// The area of the triangle a, b, c by that of a, c, d, if both are in one plane
+/// and on different sides of a, c.
+fn ratio(a: Vec3A, b: Vec3A, c: Vec3A, d: Vec3A) -> Option<f32> {
+    let [b, c, d] = [b, c, d].map(|corner| (corner - a).as_dvec3());
+    let (first, second) = (b.cross(c), c.cross(d));
+    let extent = b.length().max(c.length()).max(d.length());
+    let height = first.dot(d) / first.length();
+    let is_plane = height.abs() <= PLANE_TOLERANCE * extent && first.dot(second) > 0.0;
+    is_plane.then(|| (first.length() / second.length()) as f32)
 }

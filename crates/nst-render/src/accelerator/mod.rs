@@ -74,7 +74,7 @@ impl Accelerator {
     #[inline(always)]
     pub(crate) fn nearest<V: Vectors>(&self, rays: &Rays, hits: &mut Hits) {
         match self {
-            Self::List(list) => list.nearest(rays, hits),
+            Self::List(list) => list.nearest::<V>(rays, hits),
             Self::Tree(tree) => tree.nearest::<V>(rays, hits),
         }
     }
@@ -83,7 +83,7 @@ impl Accelerator {
     #[inline(always)]
     pub(crate) fn hides<V: Vectors>(&self, rays: &Rays) -> [bool; LANES] {
         match self {
-            Self::List(list) => list.hides(rays),
+            Self::List(list) => list.hides::<V>(rays),
             Self::Tree(tree) => tree.hides::<V>(rays),
         }
     }

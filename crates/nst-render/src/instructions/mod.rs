@@ -3,6 +3,15 @@
 //! All versions give the same bits: each operation rounds by itself, as nothing
 //! fuses multiplications with additions.
 
+mod floats;
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+#[cfg(target_arch = "x86_64")]
+use std::marker::PhantomData;
+
+pub(crate) use floats::{Floats, Vec3x};
+
 /// Which instructions the processor has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Instructions {
@@ -23,6 +32,9 @@ pub(crate) trait Kernel {
 
 /// What compilers do not find by themselves.
 pub(crate) trait Vectors {
+    /// As many as a register holds.
+    type Lanes: Floats;
+
     /// Which of eight boxes a ray meets, as bits.
     fn overlaps(boxes: &Boxes<'_>) -> u32;
 
@@ -47,6 +59,8 @@ pub(crate) struct Boxes<'a> {
 struct Portable;
 
 impl Vectors for Portable {
+    type Lanes = floats::Array<4>;
+
     #[inline(always)]
     fn overlaps(boxes: &Boxes<'_>) -> u32 {
         let &Boxes { bounds, step, origin, end, slack } = boxes;
@@ -74,12 +88,14 @@ impl Vectors for Portable {
     }
 }
 
-/// For processors with AVX2.
+/// For processors with AVX2, and what they have registers for.
 #[cfg(target_arch = "x86_64")]
-struct Avx2;
+struct Avx2<F>(PhantomData<F>);
 
 #[cfg(target_arch = "x86_64")]
-impl Vectors for Avx2 {
+impl<F: Floats> Vectors for Avx2<F> {
+    type Lanes = F;
+
     #[inline(always)]
     fn overlaps(boxes: &Boxes<'_>) -> u32 {
         #[allow(unsafe_code)]
@@ -180,7 +196,7 @@ impl Instructions {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
 fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run::<Avx2>()
+    kernel.run::<Avx2<x86::Floats8>>()
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -188,5 +204,5 @@ fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
     enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,bmi1,bmi2,lzcnt,popcnt"
 )]
 fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run::<Avx2>()
+    kernel.run::<Avx2<x86::Floats16>>()
 }
