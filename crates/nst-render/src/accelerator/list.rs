@@ -161,3 +161,23 @@ fn ratio(a: Vec3A, b: Vec3A, c: Vec3A, d: Vec3A) -> Option<f32> {
     let is_plane = height.abs() <= PLANE_TOLERANCE * extent && first.dot(second) > 0.0;
     is_plane.then(|| (first.length() / second.length()) as f32)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plane_quadrilaterals_are_one_face() {
+        let faces = |d: [f32; 3], diagonal: [usize; 2]| {
+            let corners =
+                [[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [3.0, 2.0, 0.0], d].map(Vec3A::from_array);
+            let second = [corners[0], corners[diagonal[0]], corners[diagonal[1]]];
+            List::new(&[[corners[0], corners[1], corners[2]], second]).0.len()
+        };
+        assert_eq!(faces([0.0, 2.0, 0.0], [2, 3]), 1);
+        assert_eq!(faces([0.0, 2.0, 1e-3], [2, 3]), 2, "bent");
+        assert_eq!(faces([0.0, 2.0, 0.0], [3, 2]), 2, "wound the other way");
+        assert_eq!(faces([3.0, 1.0, 0.0], [2, 3]), 2, "folded over");
+        assert_eq!(faces([6.0, 4.0, 0.0], [2, 3]), 2, "without area");
+    }
+}

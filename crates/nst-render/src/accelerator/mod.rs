@@ -14,6 +14,7 @@ use crate::{
     instructions::Vectors,
     lanes::{LANES, Vec3s},
 };
+pub(crate) use tree::Stacks;
 use {list::List, tree::Tree};
 
 /// Sixteen rays from 0 to `tmax`, in units of their directions; a negative
@@ -72,19 +73,19 @@ impl Accelerator {
 
     /// The nearest hits in the rays' intervals.
     #[inline(always)]
-    pub(crate) fn nearest<V: Vectors>(&self, rays: &Rays, hits: &mut Hits) {
+    pub(crate) fn nearest<V: Vectors>(&self, rays: &Rays, stacks: &mut Stacks, hits: &mut Hits) {
         match self {
             Self::List(list) => list.nearest::<V>(rays, hits),
-            Self::Tree(tree) => tree.nearest::<V>(rays, hits),
+            Self::Tree(tree) => tree.nearest::<V>(rays, stacks, hits),
         }
     }
 
     /// Whether there is any triangle in the rays' intervals.
     #[inline(always)]
-    pub(crate) fn hides<V: Vectors>(&self, rays: &Rays) -> [bool; LANES] {
+    pub(crate) fn hides<V: Vectors>(&self, rays: &Rays, stacks: &mut Stacks) -> [bool; LANES] {
         match self {
             Self::List(list) => list.hides::<V>(rays),
-            Self::Tree(tree) => tree.hides::<V>(rays),
+            Self::Tree(tree) => tree.hides::<V>(rays, stacks),
         }
     }
 }
@@ -157,9 +158,21 @@ mod tests {
         #[inline(always)]
         fn run<V: Vectors>(self) -> Self::Output {
             let mut hits = Hits::MISSED;
-            self.accelerator.nearest::<V>(self.rays, &mut hits);
-            (hits, self.accelerator.hides::<V>(self.rays))
+            let mut stacks = Stacks::default();
+            self.accelerator.nearest::<V>(self.rays, &mut stacks, &mut hits);
+            (hits, self.accelerator.hides::<V>(self.rays, &mut stacks))
         }
+    }
+
+    /// One triangle, or two that share the diagonal of a plane quadrilateral, convex or not.
+    fn polygon() -> impl Strategy<Value = Vec<[Vec3A; 3]>> {
+        let triangle = prop::array::uniform3(vector());
+        (triangle, any::<bool>(), -1.0_f32..1.5, 0.1_f32..1.0).prop_map(
+            |([a, b, c], is_alone, along, across)| {
+                let d = a + (c - a) * along - (b - a) * across;
+                if is_alone { vec![[a, b, c]] } else { vec![[a, b, c], [a, c, d]] }
+            },
+        )
     }
 
     fn vector() -> impl Strategy<Value = Vec3A> {
@@ -177,11 +190,12 @@ mod tests {
         /// the oracle agrees with itself for rays shifted by 1e-4.
         #[test]
         fn nearest_hit_equals_brute_force(
-            corners in prop::collection::vec(prop::array::uniform3(vector()), 1..40),
+            polygons in prop::collection::vec(polygon(), 1..30),
             origin in vector(),
             towards in vector(),
         ) {
-            let triangles: Vec<_> = corners
+            let triangles: Vec<_> = polygons
+                .concat()
                 .into_iter()
                 .map(|positions| Triangle { positions, normals: None, uvs: None, material: 0 })
                 .collect();

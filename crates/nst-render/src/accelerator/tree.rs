@@ -4,11 +4,10 @@
 
 use glam::{Vec3, Vec3A};
 use obvhs::cwbvh::{CwBvh, node::CwBvhNode};
-use smallvec::SmallVec;
 
 use super::{Hits, Rays};
 use crate::{
-    instructions::{Boxes, Vectors},
+    instructions::{Boxes, Floats, Vec3x, Vectors},
     lanes::LANES,
 };
 
@@ -77,27 +76,34 @@ impl Tree {
     }
 
     #[inline(always)]
-    pub(super) fn nearest<V: Vectors>(&self, rays: &Rays, hits: &mut Hits) {
+    pub(super) fn nearest<V: Vectors>(&self, rays: &Rays, stacks: &mut Stacks, hits: &mut Hits) {
         *hits = Hits { t: rays.tmax, ..Hits::MISSED };
-        self.traverse::<V, false>(rays, hits);
+        self.traverse::<V, false>(rays, stacks, hits);
     }
 
     #[inline(always)]
-    pub(super) fn hides<V: Vectors>(&self, rays: &Rays) -> [bool; LANES] {
+    pub(super) fn hides<V: Vectors>(&self, rays: &Rays, stacks: &mut Stacks) -> [bool; LANES] {
         let mut hits = Hits { t: rays.tmax, ..Hits::MISSED };
-        self.traverse::<V, true>(rays, &mut hits);
+        self.traverse::<V, true>(rays, stacks, &mut hits);
         hits.triangle.map(|triangle| triangle != super::NONE)
     }
 
     /// Finds the nearest hits, or with `ANY` the first that turn up.
     #[inline(always)]
-    fn traverse<V: Vectors, const ANY: bool>(&self, rays: &Rays, hits: &mut Hits) {
-        let slabs: [Slabs; LANES] = std::array::from_fn(|i| Slabs::new(rays, i));
-        let mut visits: [Visit; LANES] = std::array::from_fn(|_| Visit::root());
+    fn traverse<V: Vectors, const ANY: bool>(
+        &self,
+        rays: &Rays,
+        stacks: &mut Stacks,
+        hits: &mut Hits,
+    ) {
+        let mut slabs = [Slabs::NONE; LANES];
+        let mut visits = [Visit::ROOT; LANES];
         let mut boxes = [0_u32; LANES];
         let mut active = [0_usize; LANES];
         let mut count = 0;
         for i in 0..LANES {
+            slabs[i] = Slabs::new(rays, i);
+            stacks.0[i].clear();
             active[count] = i;
             count += usize::from(rays.tmax[i] >= 0.0);
         }
@@ -115,12 +121,17 @@ impl Tree {
                 for (block, &leaves) in node.leaves.iter().enumerate() {
                     if boxes[i] & u32::from(leaves) != 0 {
                         let block = &self.blocks[node.first_block as usize + block];
-                        found |= block.intersect::<V>(rays, hits, i);
+                        found |= block.intersect::<V, ANY>(&slabs[i], hits, i);
                     }
                 }
-                let ended = ANY && found;
+                if (ANY && found)
+                    || !visits[i].advance(node, boxes[i], slabs[i].octant, &mut stacks.0[i])
+                {
+                    continue;
+                }
+                V::prefetch(&self.nodes[visits[i].node as usize]);
                 active[left] = i;
-                left += usize::from(!ended && visits[i].advance(node, boxes[i], slabs[i].octant));
+                left += 1;
             }
             count = left;
         }
@@ -162,44 +173,53 @@ impl Block {
     }
 
     /// Whether there is a hit nearer than the one of that lane, which it replaces
-    /// (Möller and Trumbore 1997).
+    /// (Möller and Trumbore 1997); with `ANY`, whichever it is.
     #[inline(always)]
-    fn intersect<V: Vectors>(&self, rays: &Rays, hits: &mut Hits, lane: usize) -> bool {
-        let (origin, direction) = (rays.origin.get(lane), rays.direction.get(lane));
-        let (mut t, mut u, mut v) = ([0.0_f32; WIDTH], [0.0_f32; WIDTH], [0.0_f32; WIDTH]);
-        let mut inside = [0; WIDTH];
-        let at = |values: &[[f32; WIDTH]; 3], i: usize| {
-            Vec3::new(values[0][i], values[1][i], values[2][i])
+    fn intersect<V: Vectors, const ANY: bool>(
+        &self,
+        ray: &Slabs,
+        hits: &mut Hits,
+        lane: usize,
+    ) -> bool {
+        let load = |values: &[[f32; WIDTH]; 3]| {
+            let [x, y, z] = [&values[0], &values[1], &values[2]].map(|v| V::Eight::load(v));
+            Vec3x::new(x, y, z)
         };
-        for i in 0..WIDTH {
-            let (e1, e2) = (at(&self.edges[0], i), at(&self.edges[1], i));
-            let s = origin - at(&self.corner, i);
-            let p = direction.cross(e2);
-            let q = s.cross(e1);
-            let inverse = 1.0 / e1.dot(p);
-            t[i] = e2.dot(q) * inverse;
-            u[i] = s.dot(p) * inverse;
-            v[i] = direction.dot(q) * inverse;
+        let (zero, one) = (V::Eight::splat(0.0), V::Eight::splat(1.0));
+        let direction = Vec3x::splat(ray.direction);
+        let (e1, e2) = (load(&self.edges[0]), load(&self.edges[1]));
+        let s = Vec3x::splat(ray.origin) - load(&self.corner);
+        let p = direction.cross(e2);
+        let q = s.cross(e1);
+        let inverse = one / e1.dot(p);
+        let t = e2.dot(q) * inverse;
+        let u = s.dot(p) * inverse;
+        let v = direction.dot(q) * inverse;
+        // Not where they are NaN, of a ray in the plane of the triangle.
+        let inside = zero.at_most(u) & zero.at_most(v) & (u + v).at_most(one);
+        let within = zero.at_most(t) & t.less(V::Eight::splat(hits.t[lane]));
+        let mut mask = V::Eight::bits(inside & within);
+        if mask == 0 {
+            return false;
         }
-        for i in 0..WIDTH {
-            // All false for a NaN, of a ray in the plane of the triangle.
-            let within = (t[i] >= 0.0) & (t[i] < hits.t[lane]);
-            let inside_edges = (u[i] >= 0.0) & (v[i] >= 0.0) & (u[i] + v[i] <= 1.0);
-            inside[i] = u32::from(inside_edges & within).wrapping_neg();
-        }
-        let mut mask = V::bits(&inside);
-        let found = mask != 0;
+        let [mut ts, mut us, mut vs] = [[0.0; WIDTH]; 3];
+        t.store(&mut ts);
+        u.store(&mut us);
+        v.store(&mut vs);
         while mask != 0 {
             let i = mask.trailing_zeros() as usize;
             mask &= mask - 1;
-            if t[i] < hits.t[lane] {
-                hits.t[lane] = t[i];
-                hits.u[lane] = u[i];
-                hits.v[lane] = v[i];
+            if ts[i] < hits.t[lane] {
+                hits.t[lane] = ts[i];
+                hits.u[lane] = us[i];
+                hits.v[lane] = vs[i];
                 hits.triangle[lane] = self.triangles[i];
             }
+            if ANY {
+                break;
+            }
         }
-        found
+        true
     }
 }
 
@@ -213,33 +233,33 @@ struct Group {
     children: u32,
 }
 
-/// Where a ray is, and what it still has to visit.
+/// Where a ray is, and what it still has to visit below the nodes on its stack.
+#[derive(Clone, Copy)]
 struct Visit {
     node: u32,
     group: Group,
-    /// Of nodes farther up. Trees are about as deep as the logarithm of their size.
-    stack: SmallVec<[Group; 16]>,
 }
 
+/// By lane: what is still to be visited of nodes farther up. Memory that one
+/// query leaves to the next.
+#[derive(Default)]
+pub(crate) struct Stacks([Vec<Group>; LANES]);
+
 impl Visit {
-    #[inline(always)]
-    fn root() -> Self {
-        let group = Group { first_child: 0, inner: 0, children: 0 };
-        Self { node: 0, group, stack: SmallVec::new() }
-    }
+    const ROOT: Self = Self { node: 0, group: Group { first_child: 0, inner: 0, children: 0 } };
 
     /// Goes on to the next node; false if there is none.
     #[inline(always)]
-    fn advance(&mut self, node: &Node, boxes: u32, octant: usize) -> bool {
+    fn advance(&mut self, node: &Node, boxes: u32, octant: usize, stack: &mut Vec<Group>) -> bool {
         let inner = u32::from(node.inner);
         let children = u32::from(ORDER[octant][(boxes & inner) as usize]);
         if children != 0 {
             if self.group.children != 0 {
-                self.stack.push(self.group);
+                stack.push(self.group);
             }
             self.group = Group { first_child: node.first_child, inner, children };
         } else if self.group.children == 0 {
-            let Some(group) = self.stack.pop() else { return false };
+            let Some(group) = stack.pop() else { return false };
             self.group = group;
         }
         let first = self.group.children.trailing_zeros();
@@ -272,9 +292,11 @@ static ORDER: [[u8; 256]; 8] = {
     order
 };
 
-/// What the test of a node needs of a ray.
+/// A ray, and what the test of a node needs of it.
+#[derive(Clone, Copy)]
 struct Slabs {
     origin: Vec3,
+    direction: Vec3,
     inverse: Vec3,
     /// By axis: which of two planes is the farther one along the ray.
     far: [usize; 3],
@@ -286,6 +308,14 @@ struct Slabs {
 const SLACK: f32 = 1.0 + 8.0 * f32::EPSILON;
 
 impl Slabs {
+    const NONE: Self = Self {
+        origin: Vec3::ZERO,
+        direction: Vec3::ZERO,
+        inverse: Vec3::ZERO,
+        far: [0; 3],
+        octant: 0,
+    };
+
     #[inline(always)]
     fn new(rays: &Rays, lane: usize) -> Self {
         let direction = rays.direction.get(lane);
@@ -295,6 +325,7 @@ impl Slabs {
         let far = [forward(direction.x), forward(direction.y), forward(direction.z)];
         Self {
             origin: rays.origin.get(lane),
+            direction,
             inverse: Vec3::new(divisor(direction.x), divisor(direction.y), divisor(direction.z))
                 .recip(),
             far,

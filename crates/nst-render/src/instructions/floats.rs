@@ -161,4 +161,3 @@ macro_rules! array_operators {
 }
 
 array_operators! { Add add +, Sub sub -, Mul mul *, Div div /, }
-

@@ -34,12 +34,14 @@ pub(crate) trait Kernel {
 pub(crate) trait Vectors {
     /// As many as a register holds.
     type Lanes: Floats;
+    /// Eight of them.
+    type Eight: Floats;
 
     /// Which of eight boxes a ray meets, as bits.
     fn overlaps(boxes: &Boxes<'_>) -> u32;
 
-    /// Which of eight flags are set: each is all ones or zeros.
-    fn bits(flags: &[u32; 8]) -> u32;
+    /// Asks for what the reference points to, which is needed soon.
+    fn prefetch<T>(place: &T);
 }
 
 /// Eight boxes, as a ray sees them.
@@ -60,6 +62,7 @@ struct Portable;
 
 impl Vectors for Portable {
     type Lanes = floats::Array<4>;
+    type Eight = floats::Array<8>;
 
     #[inline(always)]
     fn overlaps(boxes: &Boxes<'_>) -> u32 {
@@ -75,17 +78,11 @@ impl Vectors for Portable {
                 far[i] = if leave < far[i] { leave } else { far[i] };
             }
         }
-        let mut flags = [0; 8];
-        for i in 0..8 {
-            flags[i] = u32::from(near[i] <= far[i] * slack).wrapping_neg();
-        }
-        Self::bits(&flags)
+        (0..8).fold(0, |bits, i| bits | u32::from(near[i] <= far[i] * slack) << i)
     }
 
     #[inline(always)]
-    fn bits(flags: &[u32; 8]) -> u32 {
-        (0..8).fold(0, |bits, i| bits | flags[i] & 1 << i)
-    }
+    fn prefetch<T>(_place: &T) {}
 }
 
 /// For processors with AVX2, and what they have registers for.
@@ -95,6 +92,7 @@ struct Avx2<F>(PhantomData<F>);
 #[cfg(target_arch = "x86_64")]
 impl<F: Floats> Vectors for Avx2<F> {
     type Lanes = F;
+    type Eight = x86::Floats8;
 
     #[inline(always)]
     fn overlaps(boxes: &Boxes<'_>) -> u32 {
@@ -106,11 +104,15 @@ impl<F: Floats> Vectors for Avx2<F> {
     }
 
     #[inline(always)]
-    fn bits(flags: &[u32; 8]) -> u32 {
-        #[allow(unsafe_code)]
-        // SAFETY: the same.
-        unsafe {
-            bits_avx2(flags)
+    fn prefetch<T>(place: &T) {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let line: *const i8 = std::ptr::from_ref(place).cast();
+        for i in (0..size_of::<T>()).step_by(64) {
+            #[allow(unsafe_code)]
+            // SAFETY: any address may be prefetched; SSE is part of x86-64.
+            unsafe {
+                _mm_prefetch::<_MM_HINT_T0>(line.wrapping_add(i));
+            }
         }
     }
 }
@@ -135,17 +137,6 @@ fn overlaps_avx2(boxes: &Boxes<'_>) -> u32 {
     }
     let far = _mm256_mul_ps(far, _mm256_set1_ps(slack));
     _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)) as u32
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-#[inline]
-fn bits_avx2(flags: &[u32; 8]) -> u32 {
-    use std::arch::x86_64::*;
-    #[allow(unsafe_code)]
-    // SAFETY: 32 bytes are read from an array of 32 bytes; any alignment will do.
-    let flags = unsafe { _mm256_loadu_ps(flags.as_ptr().cast()) };
-    _mm256_movemask_ps(flags) as u32
 }
 
 impl Instructions {

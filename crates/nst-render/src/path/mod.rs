@@ -12,7 +12,7 @@ use glam::{Vec2, Vec3, Vec3A};
 
 use crate::{
     SampleStream, SamplerKind, Scattering, Scene,
-    accelerator::{Accelerator, Hits, NONE},
+    accelerator::{Accelerator, Hits, NONE, Stacks},
     bsdf::Prepared,
     instructions::{Instructions, Kernel, Vectors},
     lanes::LANES,
@@ -130,6 +130,7 @@ pub(crate) struct Workspace {
     paths: Queue<Paths>,
     /// Points of Lambert's surfaces, and of all others.
     queues: [Queue<Points>; 2],
+    stacks: Stacks,
     /// By path.
     radiance: Vec<Vec3A>,
 }
@@ -146,13 +147,14 @@ impl Kernel for Trace<'_> {
 
     #[inline(always)]
     fn run<V: Vectors>(self) {
-        let Self { tracer, sampler, workspace: Workspace { paths, queues, radiance } } = self;
+        let Self { tracer, sampler, workspace } = self;
+        let Workspace { paths, queues, stacks, radiance } = workspace;
         let mut dimension = CAMERA_DIMENSIONS;
         for vertex in 1..=tracer.scene.max_depth {
             let is_last = vertex == tracer.scene.max_depth;
             for paths in paths.chunks() {
                 let mut hits = Hits::MISSED;
-                tracer.accelerator.nearest::<V>(&paths.rays, &mut hits);
+                tracer.accelerator.nearest::<V>(&paths.rays, stacks, &mut hits);
                 for i in (0..LANES).filter(|&i| paths.rays.tmax[i] >= 0.0) {
                     radiance[paths.path[i] as usize] += tracer.emitted(paths, &hits, i);
                     if hits.triangle[i] != NONE && !is_last {
@@ -176,7 +178,7 @@ impl Kernel for Trace<'_> {
                     }
                     tracer.survive(&draws, next);
                     let rays = &direct.lights.rays;
-                    let hidden = tracer.accelerator.hides::<V>(rays);
+                    let hidden = tracer.accelerator.hides::<V>(rays, stacks);
                     for i in (0..LANES).filter(|&i| rays.tmax[i] >= 0.0 && !hidden[i]) {
                         let contribution = Vec3A::from(direct.contribution.get(i));
                         radiance[points.path[i] as usize] += contribution;
