@@ -107,7 +107,7 @@ def bayes_limits(config: Config, name: str, ns: range) -> dict[int, np.ndarray]:
     data = config.data
     names = data.families if name == "all" else [name]
     samples = {
-        family: families.test_samples(family, data.runs, data.terms, config.seed)
+        family: families.held_out_samples(family, data.runs, data.terms, config.seed)
         for family in names
     }
     return {

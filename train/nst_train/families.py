@@ -120,7 +120,7 @@ def references(functions: list[Integrand]) -> torch.Tensor:
     return torch.tensor([function.integral() for function in functions], dtype=torch.float32)
 
 
-def test_samples(family: str, runs: int, terms: int, seed: int) -> np.ndarray:
+def held_out_samples(family: str, runs: int, terms: int, seed: int) -> np.ndarray:
     """The samples behind the test sequences of `make_data`, `[integrand, run, term]`."""
     functions = integrands(family, TEST_GRID)
     return sample(functions, (runs, terms), _rng(family, seed, split=1))
@@ -135,7 +135,7 @@ def make_data(families: list[str], runs: int, terms: int, seed: int) -> Data:
         return Sequences(progressive_means(samples), references(functions))
 
     def test(family: str) -> Sequences:
-        samples = test_samples(family, runs, terms, seed)
+        samples = held_out_samples(family, runs, terms, seed)
         return Sequences(progressive_means(samples), references(integrands(family, TEST_GRID)))
 
     held_out = {family: test(family) for family in families}

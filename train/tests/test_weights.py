@@ -1,5 +1,6 @@
 """The weights file, its metadata, and the fixtures made of them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -46,6 +47,19 @@ def test_round_trip(tmp_path: Path) -> None:
     assert all(tensor.dtype == torch.float32 for tensor in tensors.values())
     x = torch.randn(10, 8)
     assert torch.equal(loaded(x), model(x))
+
+
+def test_half_precision_and_sampler(tmp_path: Path) -> None:
+    """The file holds what `rounded` computes with, and half as many bytes of numbers."""
+    model, path = Mlp(8, [32]), tmp_path / "x.safetensors"
+    weights.save(path, model, replace(PROVENANCE, sampler="halton"), torch.float16)
+    loaded, metadata = weights.load(path)
+    assert metadata["sampler"] == "halton"
+    tensors, _ = weights.load_tensors(path)
+    assert all(tensor.dtype == torch.float16 for tensor in tensors.values())
+    x = torch.randn(10, 8)
+    assert torch.equal(loaded(x), weights.rounded(model, torch.float16)(x))
+    assert not torch.equal(loaded(x), model(x))
 
 
 def test_same_network_gives_same_bytes(tmp_path: Path) -> None:
