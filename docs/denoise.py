@@ -32,7 +32,7 @@ def main(source: str, table: str) -> None:
     data = np.load(source)
     if missing := KEYS - set(data.files):
         sys.exit(f"error: {source}: no array {', '.join(sorted(missing))}")
-    reference = data["I"]
+    reference = data["I"].astype(np.float64)
     rows = []
     for n, s, t in zip(data["n"], data["S"], data["T"], strict=True):
         pictures = {"S": s, "T": t, "OIDN(S)": denoised(s), "OIDN(T)": denoised(t)}

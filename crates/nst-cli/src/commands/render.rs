@@ -81,11 +81,7 @@ fn picture(args: &RenderArgs) -> Result<(), Error> {
     bar.finish_and_clear();
     let samples = *rendering.batch.sample_counts().last().expect("a rendering has a term");
     // Another network, or none, may be the one for fewer samples.
-    let method = if samples == args.spp {
-        method
-    } else {
-        for_spp(samples)?
-    };
+    let method = if samples == args.spp { method } else { for_spp(samples)? };
 
     let mut estimates = Estimates::default();
     timed(&mut watch.transform, || method.transform.apply(&rendering.batch, &mut estimates))?;

@@ -60,12 +60,7 @@ pub(super) fn run(args: &BenchSceneArgs) -> Result<(), Error> {
         let window = methods.iter().map(|m| m.transform.window()).fold(DEFAULT_WINDOW, usize::max);
         for run in 0..args.runs {
             let seed = args.seed + u64::from(run);
-            let settings = RenderSettings {
-                spp,
-                sampler,
-                seed,
-                keep: Keep::Window(window as u32),
-            };
+            let settings = RenderSettings { spp, sampler, seed, keep: Keep::Window(window as u32) };
             let rendering = render(&scene, &settings, &|_| {})?;
             for (i, method) in methods.iter().enumerate() {
                 // `auto` may stand for a method that is here already.
