@@ -53,6 +53,7 @@ class Config:
     seed: int
     window: int  # M, terms that the network sees
     hidden: list[int]
+    start: str  # one of STARTS: random weights, or T = S
     loss: str
     epsilon: float  # ε of equations 5 and 9
     epochs: int
@@ -66,6 +67,7 @@ class Config:
 
 SETTINGS = ("paper", "small")
 SAMPLERS = ("random", "halton")
+STARTS = ("random", "input")
 PIXELS = ("box", "center")
 GIVEN = ("setting", "text")  # fields of Config that are no keys
 DATA_KINDS = {"families": FamiliesData, "renders": RendersData}
@@ -170,6 +172,7 @@ def _check_ranges(config: Config) -> None:
     require(
         bool(config.hidden) and min(config.hidden) >= 1, "hidden", "a list of widths, each 1 or more"
     )
+    require(config.start in STARTS, "start", f"one of {', '.join(STARTS)}")
     require(config.loss in LOSSES, "loss", f"one of {', '.join(LOSSES)}")
     require(0 < config.epsilon < math.inf, "epsilon", "a positive number")
     require(config.epochs >= 1, "epochs", "1 or more")

@@ -93,8 +93,8 @@ def read_csv(path: Path, columns: list[str]) -> list[dict[str, str]]:
 
 
 def digits(x: float) -> str:
-    """Three digits before 1000, no exponent."""
-    return f"{x:.3f}" if x < 1 else f"{x:.3g}" if x < 1000 else f"{x:.0f}"
+    """Three digits."""
+    return f"{x:.3f}" if 0.1 <= x < 1 else f"{x:.3g}" if x < 1000 else f"{x:.0f}"
 
 
 def scene_of(name: str) -> str:

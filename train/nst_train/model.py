@@ -28,6 +28,18 @@ class Mlp(nn.Module):
     def window(self) -> int:
         return self.layers[0].in_features
 
+    def start_from_input(self) -> None:
+        """Sets T = S_n (for S_n ≥ 0): unit 0 of each layer hands S_n on, and the last layer ignores the
+        others, which stay as they are."""
+        with torch.no_grad():
+            last = self.layers[-1]
+            last.weight.zero_()
+            last.bias.zero_()
+            for index, layer in enumerate(self.layers):
+                layer.weight[0] = 0.0
+                layer.bias[0] = 0.0
+                layer.weight[0, -1 if index == 0 else 0] = 1.0
+
     def forward(self, windows: Tensor) -> Tensor:
         """`[…, window]`, oldest estimate first, to T `[…]`."""
         first, *between, last = self.layers

@@ -14,9 +14,12 @@ from nst_train.sequences import Sequences, mean_squared_errors, windows
 
 
 def make_model(config: Config) -> Mlp:
-    """A network with PyTorch's default initialisation, seeded."""
+    """A network with PyTorch's default initialisation, seeded, or one that starts with T = S."""
     torch.manual_seed(config.seed)
-    return Mlp(config.window, config.hidden)
+    model = Mlp(config.window, config.hidden)
+    if config.start == "input":
+        model.start_from_input()
+    return model
 
 
 class Training:

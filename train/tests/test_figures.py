@@ -152,7 +152,7 @@ def test_pictures_of_a_run(
 ) -> None:
     """A run on the stand-in's renderings, from training to error maps."""
     out, npz = tmp_path / "run", tmp_path / "p.npz"
-    lines = ['name = "box"', "seed = 1", "window = 8", "hidden = [4]", 'loss = "L1"']
+    lines = ['name = "box"', "seed = 1", "window = 8", "hidden = [4]", 'start = "input"', 'loss = "L1"']
     lines += ["epsilon = 1e-2", "epochs = 2", "batch_size = 9", "learning_rate = 1e-3"]
     lines += ["terms_per_step = 2", "[data]"]
     data = vars(settings) | {"terms": 33}

@@ -19,6 +19,7 @@ name = "tiny"
 seed = 1
 window = 8
 hidden = [16, 16]
+start = "random"
 loss = "L2"
 epsilon = 1e-4
 epochs = 150

@@ -81,6 +81,16 @@ def test_network_is_the_one_described() -> None:
     torch.testing.assert_close(model(torch.tensor([1.0, -3.0])), torch.tensor(-10.0))
 
 
+def test_a_network_can_start_from_its_input() -> None:
+    """T = S_n, and the other units still get gradients through the last layer."""
+    model = Mlp(4, [6, 5])
+    model.start_from_input()
+    x = torch.rand(10, 4)
+    assert torch.equal(model(x), x[:, -1])
+    (model(x) - 0.5).square().sum().backward()
+    assert (model.layers[-1].weight.grad != 0).sum() > 1
+
+
 def test_bad_files_are_named(tmp_path: Path) -> None:
     path = tmp_path / "x.safetensors"
     with pytest.raises(UserError, match="no such file"):
