@@ -1,6 +1,8 @@
-"""The TOML file that describes one training run.
+"""The TOML file that describes one experiment.
 
-Every key is required, so that a config tells the whole story of the weights that it produced.
+Every key is required, so that a config tells the whole story of the weights that it produced. The keys
+at the top level are the paper's setting; the table [small] replaces some of them by what two CPU cores
+can do.
 """
 
 import difflib
@@ -38,16 +40,20 @@ class RendersData:
     terms: int  # samples per pixel of each run
     reference_spp: int
     first_seed: int  # training runs take the seeds from here, then evaluation runs, then the reference
+    sampler: str  # one of SAMPLERS
+    max_depth: int  # path vertices after the camera that may scatter or emit; 2 = direct light
+    pixel: str  # one of PIXELS: samples all over a pixel, or at its centre (no anti-aliasing)
 
 
 @dataclass(frozen=True)
 class Config:
-    """One training run."""
+    """One training run: an experiment in one of its settings."""
 
     name: str
     seed: int
     window: int  # M, terms that the network sees
     hidden: list[int]
+    start: str  # one of STARTS: random weights, or T = S
     loss: str
     epsilon: float  # ε of equations 5 and 9
     epochs: int
@@ -55,14 +61,20 @@ class Config:
     learning_rate: float
     terms_per_step: int  # how many n of window..terms are drawn for each batch; 0 = all
     data: FamiliesData | RendersData
+    setting: str  # one of SETTINGS
     text: str  # the file itself
 
 
+SETTINGS = ("paper", "small")
+SAMPLERS = ("random", "halton")
+STARTS = ("random", "input")
+PIXELS = ("box", "center")
+GIVEN = ("setting", "text")  # fields of Config that are no keys
 DATA_KINDS = {"families": FamiliesData, "renders": RendersData}
 
 
-def load(path: Path) -> Config:
-    """Reads and checks a config."""
+def load(path: Path, setting: str = "paper") -> Config:
+    """Reads and checks a config, both of its settings, and returns one of them."""
     try:
         text = path.read_text(encoding="utf-8")
         table = tomllib.loads(text)
@@ -71,13 +83,32 @@ def load(path: Path) -> Config:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise UserError(f"{path}: not a TOML file: {error}") from error
     try:
-        return parse(table, text)
+        return parse(table, text, setting)
     except UserError as error:
         raise UserError(f"{path}: {error}") from error
 
 
-def parse(table: dict[str, Any], text: str) -> Config:
+def parse(table: dict[str, Any], text: str, setting: str = "paper") -> Config:
     """Checks a parsed TOML table; `text` is the file that it came from."""
+    table = dict(table)
+    small = table.pop("small", {})
+    if not isinstance(small, dict) or not isinstance(small.get("data", {}), dict):
+        raise UserError("small: expected a table of keys that differ in the small setting")
+    settings = {"paper": _parse(table, text, "paper")}
+    for key in small.keys() & {"name", "small"}:
+        raise UserError(f"small.{key}: cannot differ in the small setting")
+    _refuse_unknown(small, Config, "small.")
+    data = table["data"]
+    _refuse_unknown(small.get("data", {}), DATA_KINDS[data["kind"]], "small.data.")
+    merged = table | small | {"data": data | small.get("data", {})}
+    try:
+        settings["small"] = _parse(merged, text, "small")
+    except UserError as error:
+        raise UserError(f"in the small setting, {error}") from error
+    return settings[setting]
+
+
+def _parse(table: dict[str, Any], text: str, setting: str) -> Config:
     data = table.get("data")
     if not isinstance(data, dict):
         raise UserError("missing table [data]")
@@ -85,19 +116,27 @@ def parse(table: dict[str, Any], text: str) -> Config:
     if kind not in DATA_KINDS:
         raise UserError(f"data.kind = {kind!r}: expected one of {', '.join(DATA_KINDS)}")
     parsed = _read(DATA_KINDS[kind], data, "data.")
-    config = _read(Config, table, "", data=parsed, text=text)
+    config = _read(Config, table, "", data=parsed, setting=setting, text=text)
     _check_ranges(config)
     return config
 
 
+def _keys(cls: type) -> dict[str, Any]:
+    """The keys of a table and their types."""
+    return {field.name: field.type for field in fields(cls) if field.name not in GIVEN}
+
+
+def _refuse_unknown(table: dict[str, Any], cls: type, prefix: str) -> None:
+    for key in table:
+        if key not in _keys(cls):
+            nearest = difflib.get_close_matches(key, _keys(cls), n=1, cutoff=0.0)[0]
+            raise UserError(f"unknown key '{prefix}{key}'; did you mean '{prefix}{nearest}'?")
+
+
 def _read(cls: type, table: dict[str, Any], prefix: str, **given: Any) -> Any:
     """Makes a `cls` of `table`, with the fields in `given` already parsed."""
-    types = {field.name: field.type for field in fields(cls) if field.name != "text"}
-    for key in table:
-        if key not in types:
-            nearest = difflib.get_close_matches(key, types, n=1, cutoff=0.0)[0]
-            raise UserError(f"unknown key '{prefix}{key}'; did you mean '{prefix}{nearest}'?")
-    for key, expected in types.items():
+    _refuse_unknown(table, cls, prefix)
+    for key, expected in _keys(cls).items():
         if key in given:
             continue
         if key not in table:
@@ -133,6 +172,7 @@ def _check_ranges(config: Config) -> None:
     require(
         bool(config.hidden) and min(config.hidden) >= 1, "hidden", "a list of widths, each 1 or more"
     )
+    require(config.start in STARTS, "start", f"one of {', '.join(STARTS)}")
     require(config.loss in LOSSES, "loss", f"one of {', '.join(LOSSES)}")
     require(0 < config.epsilon < math.inf, "epsilon", "a positive number")
     require(config.epochs >= 1, "epochs", "1 or more")
@@ -152,3 +192,6 @@ def _check_ranges(config: Config) -> None:
         require(data.evaluation_runs >= 1, "data.evaluation_runs", "1 or more")
         require(data.reference_spp > data.terms, "data.reference_spp", f"more than {data.terms}")
         require(data.first_seed >= 0, "data.first_seed", "0 or more")
+        require(data.sampler in SAMPLERS, "data.sampler", f"one of {', '.join(SAMPLERS)}")
+        require(data.pixel in PIXELS, "data.pixel", f"one of {', '.join(PIXELS)}")
+        require(data.max_depth >= 1, "data.max_depth", "1 or more")

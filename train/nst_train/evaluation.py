@@ -1,57 +1,139 @@
-"""Scores on sequences that were not trained on."""
+"""Scores on sequences that were not trained on: metrics.csv."""
 
 import csv
-from dataclasses import dataclass
+import os
+from collections.abc import Iterable
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from nst_train import analytic, bayes, families
+from nst_train.config import Config, FamiliesData
 from nst_train.model import Mlp
-from nst_train.sequences import Data
+from nst_train.sequences import Data, Sequences
 
 REPORTED_N = (8, 16, 32, 64)
+BAYES_N = (8, 11, 16, 23, 32, 45, 64)
+
+CHUNK = 1 << 18
+"""Windows that go through the network at a time."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """How T_n compares with S_n; a ratio below 1 is a gain."""
+    """The error of a method at n samples, over all runs and integrands of a held-out set."""
 
-    data: str
+    name: str  # of the network, which says what the constant is a mean of
+    data: str  # which held-out set
+    method: str  # S, T, constant, bayes, or one of analytic.METHODS
     n: int
-    mse_ratio: float  # E[(T−I)²] / E[(S−I)²], over all runs and integrands
-    constant_mse_ratio: float  # the same, for T = the mean of I over the training integrands
+    mse: float  # mean (x − I)², equations 3 and 4
+    bias2: float  # mean over integrands of (mean over runs of x − I)²; includes variance/runs
+    variance: float  # the rest of mse
+    mse_ratio: float  # mse over that of S
 
 
-def evaluate(model: Mlp, data: Data) -> list[Score]:
-    """Scores at 8, 16, 32, 64 samples and at the last term, for each held-out set."""
-    constant = data.training.reference.mean()
-    scores = []
+COLUMNS = [field.name for field in fields(Score)]
+
+
+def evaluate(config: Config, model: Mlp, data: Data) -> list[Score]:
+    """All scores of a trained network and what it is compared with."""
+    scores = network_scores(config, model, data, every_n(config, data))
+    constant = data.training.reference.double().mean().numpy()
     for name, held_out in data.held_out.items():
-        terms = held_out.estimates.shape[-1]
-        reported = {n for n in REPORTED_N if model.window <= n <= terms} | {terms}
-        for n in sorted(reported):
-            window = held_out.estimates[:, :, n - model.window : n]
-            with torch.no_grad():
-                t = model(window)
-            s = window[:, :, -1]
-            mse_s = mean_squared_error(s, held_out.reference)
-            mse_t = mean_squared_error(t, held_out.reference)
-            mse_constant = mean_squared_error(constant.expand_as(s), held_out.reference)
-            scores.append(Score(name, n, mse_t / mse_s, mse_constant / mse_s))
+        reference = held_out.reference.double().numpy()
+        estimates = held_out.estimates.numpy()
+        tables = {"constant": {n: constant for n in every_n(config, data)}}
+        for method, (length, _) in analytic.METHODS.items():
+            tables[method] = {
+                n: analytic.transform(method, estimates, n)
+                for n in every_n(config, data)
+                if n >= length
+            }
+        if isinstance(config.data, FamiliesData):
+            tables["bayes"] = bayes_limits(config, name, every_n(config, data))
+        for method, table in tables.items():
+            for n, values in table.items():
+                mse_s = errors(estimates[..., n - 1], reference)[0]
+                error = errors(np.broadcast_to(values, estimates.shape[:-1]), reference)
+                scores.append(Score(config.name, name, method, n, *error, error[0] / mse_s))
     return scores
 
 
-def mean_squared_error(estimates: Tensor, reference: Tensor) -> float:
-    """The mean over integrands and runs of `[integrand, run]`, in f64."""
-    return (estimates.double() - reference.double()[:, None]).square().mean().item()
+def every_n(config: Config, data: Data) -> range:
+    """All n at which the network has its window."""
+    return range(config.window, data.training.estimates.shape[-1] + 1)
 
 
-def write_metrics(path: Path, name: str, scores: list[Score], train_loss: float) -> None:
-    """One row per score; `train_loss` is that of the last epoch."""
-    with path.open("w", newline="", encoding="utf-8") as file:
+def network_scores(config: Config, model: Mlp, data: Data, ns: Iterable[int]) -> list[Score]:
+    """S and T alone."""
+    scores = []
+    for name, held_out in data.held_out.items():
+        reference = held_out.reference.double().numpy()
+        for n in ns:
+            s = errors(held_out.estimates[:, :, n - 1].numpy(), reference)
+            t = errors(transformed(model, held_out, n).numpy(), reference)
+            for method, error in (("S", s), ("T", t)):
+                scores.append(Score(config.name, name, method, n, *error, error[0] / s[0]))
+    return scores
+
+
+def transformed(model: Mlp, sequences: Sequences, n: int) -> Tensor:
+    """T_n, `[integrand, run]`, on the CPU."""
+    device = next(model.parameters()).device
+    windows = sequences.estimates[:, :, n - model.window : n]
+    parts = windows.reshape(-1, model.window).split(CHUNK)
+    with torch.no_grad():
+        t = torch.cat([model(part.to(device)).cpu() for part in parts])
+    return t.reshape(windows.shape[:2])
+
+
+def errors(estimates: np.ndarray, reference: np.ndarray) -> tuple[float, float, float]:
+    """MSE, bias² and variance of `[integrand, run]`, in f64."""
+    error = estimates.astype(np.float64) - reference[:, None]
+    mse = np.square(error).mean()
+    bias2 = np.square(error.mean(axis=1)).mean()
+    return float(mse), float(bias2), float(mse - bias2)
+
+
+def bayes_limits(config: Config, name: str, ns: range) -> dict[int, np.ndarray]:
+    """The Bayes limit of each integrand and run, `[integrand, run]`, for the n of `BAYES_N`.
+
+    For all families together it is that of an observer who knows which family a sequence is from.
+    """
+    data = config.data
+    names = data.families if name == "all" else [name]
+    samples = {
+        family: families.held_out_samples(family, data.runs, data.terms, config.seed)
+        for family in names
+    }
+    return {
+        n: np.concatenate([bayes.limit(family, samples[family][..., :n]) for family in names])
+        for n in BAYES_N
+        if n in ns
+    }
+
+
+def ratio(scores: list[Score], data: str, n: int, method: str = "T") -> float:
+    """MSE(method)/MSE(S)."""
+    (score,) = [s for s in scores if (s.data, s.n, s.method) == (data, n, method)]
+    return score.mse_ratio
+
+
+def write_csv(path: Path, columns: list[str], rows: Iterable[Iterable[object]]) -> None:
+    """Numbers with six digits; the old file stays until the new one is whole."""
+    unfinished = path.with_name(path.name + ".part")
+    with unfinished.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["name", "data", "n", "mse_ratio", "constant_mse_ratio", "train_loss"])
-        for score in scores:
-            ratios = (f"{score.mse_ratio:.6g}", f"{score.constant_mse_ratio:.6g}")
-            writer.writerow([name, score.data, score.n, *ratios, f"{train_loss:.6g}"])
+        writer.writerow(columns)
+        for row in rows:
+            writer.writerow([f"{x:.6g}" if isinstance(x, float) else x for x in row])
+    os.replace(unfinished, path)
+
+
+def write_metrics(path: Path, scores: list[Score]) -> None:
+    """One row per score."""
+    write_csv(path, COLUMNS, map(astuple, scores))

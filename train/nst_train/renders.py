@@ -7,61 +7,108 @@ evaluation runs the seeds after them, the reference the next one.
 import hashlib
 import os
 import subprocess
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from nst_train import sequence_file
+from nst_train import dataset
 from nst_train.config import RendersData
+from nst_train.dataset import Dataset
 from nst_train.errors import UserError
-from nst_train.sequence_file import SequenceFile
 from nst_train.sequences import Data, Sequences
 
 REPOSITORY = Path(__file__).resolve().parents[2]
+
+COLORS = 3
+WINDOW_KEPT = 8  # terms that `nst render --keep window` keeps
 
 CONSTANT_TOLERANCE = 1e-6
 """Estimates that differ by less than this, relative to the largest, differ by rounding only."""
 
 
+@dataclass(frozen=True)
+class Renders:
+    """All lanes of all runs. `[lane]`: all pixels of R, then of G, then of B; of a grey scene one
+    channel alone, as the other two are the same numbers."""
+
+    scene: str  # fingerprint
+    size: tuple[int, int]  # width, height
+    estimates: np.ndarray  # [lane, run, term]
+    reference: np.ndarray  # [lane], I
+    training_runs: int
+
+    def varying(self) -> np.ndarray:
+        """Which lanes are not the same constant in all training runs, `[lane]`."""
+        return varying(self.estimates[:, : self.training_runs])
+
+
 def make_data(data: RendersData, cache: Path) -> Data:
     """Renders what `cache` does not hold yet, and drops the lanes in which nothing is random."""
+    renders = load(data, cache)
+    kept = renders.varying()
+    if not kept.any():
+        raise UserError(f"data.scene = {data.scene!r}: every pixel is constant, nothing to learn")
+    reference = torch.from_numpy(renders.reference[kept])
+
+    def sequences(runs: slice) -> Sequences:
+        return Sequences(torch.from_numpy(renders.estimates[:, runs][kept]), reference)
+
+    training = sequences(slice(None, data.runs))
+    held_out = {Path(data.scene).stem: sequences(slice(data.runs, None))}
+    return Data(training, held_out, f"scene:{renders.scene}")
+
+
+def load(data: RendersData, cache: Path) -> Renders:
+    """Renders what `cache` does not hold yet, and reads it."""
     scene = REPOSITORY / data.scene
     if not scene.is_file():
         raise UserError(f"data.scene: no such file: {scene}")
     folder = cache / scene_digest(scene)
     size = (data.size[0], data.size[1])
+    runs = data.runs + data.evaluation_runs
 
-    def rendered(seed: int, spp: int, keep: str) -> SequenceFile:
-        path = folder / f"{size[0]}x{size[1]}-{spp}spp-seed{seed}.exr"
+    def rendered(count: int, spp: int, seed: int, first: int, *options: str) -> Dataset:
+        how = f"{data.sampler}-depth{data.max_depth}-{data.pixel}"
+        path = folder / f"{size[0]}x{size[1]}-{how}-{spp}spp-{count}runs-seed{seed}.safetensors"
         if not path.is_file():
-            render(scene, size, spp, seed, keep, path)
-        return sequence_file.read(path, size)
-
-    seeds = range(data.first_seed, data.first_seed + data.runs + data.evaluation_runs)
-    reference_file = rendered(seeds.stop, data.reference_spp, keep="window")
-    reference = reference_file.final()
-    lanes = len(reference)
-    estimates = np.empty((lanes, len(seeds), data.terms), np.float32)  # [integrand, run, term]
-    for run, seed in enumerate(seeds):
-        file = rendered(seed, data.terms, keep="all")
-        if file.scene != reference_file.scene:
-            raise UserError(
-                f"{file.path}: rendered from {file.scene}, but {reference_file.path} from "
-                f"{reference_file.scene}; delete {folder} and rerun"
+            command = (
+                *("--runs", count, "--spp", spp, "--size", f"{size[0]}x{size[1]}", "--seed", seed),
+                *("--sampler", data.sampler, "--max-depth", data.max_depth, "--pixel", data.pixel),
             )
-        estimates[:, run] = file.terms(data.terms)
+            render(scene, [*command, *options], path)
+        found = dataset.read(path, size, count, list(range(first, spp + 1)))
+        if found.sampler != data.sampler:
+            raise UserError(
+                f"{path}: made with the sampler '{found.sampler}', not '{data.sampler}'; "
+                "delete the file and rerun"
+            )
+        return found
 
-    training, evaluation = estimates[:, : data.runs], estimates[:, data.runs :]
-    kept = varying(training)
-    if not kept.any():
-        raise UserError(f"data.scene = {data.scene!r}: every pixel is constant, nothing to learn")
+    all_runs = rendered(runs, data.terms, data.first_seed, 1)
+    spp = data.reference_spp
+    first = max(1, spp - WINDOW_KEPT + 1)
+    last = rendered(1, spp, data.first_seed + runs, first, "--keep", "window")
+    if all_runs.scene != last.scene:
+        raise UserError(
+            f"{all_runs.path}: rendered from {all_runs.scene}, but {last.path} from {last.scene}; "
+            f"delete {folder} and rerun"
+        )
 
-    def sequences(runs: np.ndarray) -> Sequences:
-        return Sequences(torch.from_numpy(runs[kept]), torch.from_numpy(reference[kept]))
+    reference = last.run(0)[-1]
+    grey = _is_grey(reference) and all(_is_grey(all_runs.run(run)) for run in range(runs))
+    lanes = len(reference) // COLORS if grey else len(reference)
+    estimates = np.empty((lanes, runs, data.terms), np.float32)
+    for run in range(runs):
+        estimates[:, run] = all_runs.run(run)[:, :lanes].T
+    return Renders(last.scene, size, estimates, reference[:lanes].copy(), data.runs)
 
-    held_out = {scene.stem: sequences(evaluation)}
-    return Data(sequences(training), held_out, f"scene:{reference_file.scene}")
+
+def _is_grey(lanes: np.ndarray) -> bool:
+    """Whether the three channels of `[…, lane]` are the same numbers."""
+    red, green, blue = np.split(lanes, COLORS, axis=-1)
+    return np.array_equal(red, green) and np.array_equal(red, blue)
 
 
 def varying(estimates: np.ndarray) -> np.ndarray:
@@ -91,25 +138,16 @@ def renderer() -> Path:
     return path
 
 
-def render(
-    scene: Path, size: tuple[int, int], spp: int, seed: int, keep: str, sequence: Path
-) -> None:
-    """Runs `nst render` and leaves the sequence file at `sequence`."""
-    sequence.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = sequence.with_suffix(".part.exr")
-    image = sequence.with_suffix(".image.exr")
-    command = [
-        *(renderer(), "render", "--scene", scene),
-        *("--spp", spp, "--size", f"{size[0]}x{size[1]}", "--seed", seed),
-        *("--keep", keep, "--transform", "none"),
-        *("--sequence", unfinished, "-o", image, "--quiet"),
-    ]
+def render(scene: Path, options: list[object], dataset: Path) -> None:
+    """Runs `nst render` and leaves its dataset at `dataset`."""
+    dataset.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = dataset.with_suffix(".part.safetensors")
+    command = [renderer(), "render", "--scene", scene, *options, "-o", unfinished, "--quiet"]
     try:
         result = subprocess.run(map(str, command), capture_output=True, text=True, errors="replace")
     except OSError as error:
         raise UserError(f"{command[0]}: cannot run the renderer: {error.strerror}") from error
-    image.unlink(missing_ok=True)
     if result.returncode != 0 or not unfinished.is_file():
         said = " ".join(result.stderr.split()) or "it said nothing"
-        raise UserError(f"nst render of {scene}, seed {seed}, failed ({result.returncode}): {said}")
-    os.replace(unfinished, sequence)
+        raise UserError(f"nst render of {scene} failed ({result.returncode}): {said}")
+    os.replace(unfinished, dataset)

@@ -1,7 +1,7 @@
 """Gradient descent on the loss of whole sequences."""
 
 import math
-from collections.abc import Iterator
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -14,50 +14,98 @@ from nst_train.sequences import Sequences, mean_squared_errors, windows
 
 
 def make_model(config: Config) -> Mlp:
-    """A network with PyTorch's default initialisation, seeded."""
+    """A network with PyTorch's default initialisation, seeded, or one that starts with T = S."""
     torch.manual_seed(config.seed)
-    return Mlp(config.window, config.hidden)
+    model = Mlp(config.window, config.hidden)
+    if config.start == "input":
+        model.start_from_input()
+    return model
 
 
-def train(model: Mlp, sequences: Sequences, config: Config) -> Iterator[float]:
-    """Trains `model` in place and yields the mean loss of each epoch.
+class Training:
+    """A network and all that its training depends on.
 
     Adam; the learning rate falls from `config.learning_rate` to 0 along half a cosine, batch by batch.
+    The data stay on the device. On a GPU the products between hidden layers are in bf16.
     """
-    rng = torch.Generator().manual_seed(config.seed)
-    count, _, terms = sequences.estimates.shape
-    n = torch.arange(config.window, terms + 1)
-    e_s = mean_squared_errors(sequences.estimates, sequences.reference)[:, config.window - 1 :]
 
-    batches_per_epoch = math.ceil(count / config.batch_size)
-    optimizer = torch.optim.Adam(model.parameters(), lr=config.learning_rate)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(
-        optimizer, T_max=config.epochs * batches_per_epoch
-    )
+    def __init__(self, config: Config, sequences: Sequences, device: str = "cpu") -> None:
+        self.config = config
+        self.device = device
+        self.model = make_model(config).to(device)
+        self.model.mixed = device == "cuda"
+        self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.learning_rate)
+        self.rng = torch.Generator().manual_seed(config.seed)  # on the CPU, whatever the device
+        self.losses: list[float] = []  # mean loss of each epoch so far
+        self.steps = 0
 
-    for epoch in range(config.epochs):
-        total = 0.0
-        for batch in torch.randperm(count, generator=rng).split(config.batch_size):
-            points = draw_points(len(n), config.terms_per_step, rng)
-            inputs = windows(sequences.estimates[batch], config.window)[:, :, points]
-            t = model(inputs)  # [integrand, run, n, window] to [integrand, run, n]
-            e_t = mean_squared_errors(t, sequences.reference[batch])
-            loss = sequence_loss(
-                config.loss, e_t, e_s[batch][:, points], n[points], config.epsilon
-            ) * (len(n) / len(points))  # an estimate of the sum over all n
+        count, _, terms = sequences.estimates.shape
+        self.steps_in_all = config.epochs * math.ceil(count / config.batch_size)
+        self.n = torch.arange(config.window, terms + 1, device=device)
+        self.estimates = sequences.estimates.to(device)
+        self.reference = sequences.reference.to(device)
+        e_s = mean_squared_errors(self.estimates, self.reference)
+        self.e_s = e_s[:, config.window - 1 :]  # [integrand, n]
 
-            optimizer.zero_grad()
+    @property
+    def epoch(self) -> int:
+        """How many epochs are done."""
+        return len(self.losses)
+
+    def learning_rate(self) -> float:
+        """Of the next batch."""
+        progress = self.steps / self.steps_in_all
+        return 0.5 * self.config.learning_rate * (1.0 + math.cos(math.pi * progress))
+
+    def run_epoch(self) -> float:
+        """Goes through all integrands once, and returns their mean loss."""
+        total = torch.zeros((), device=self.device)
+        order = torch.randperm(len(self.reference), generator=self.rng)
+        for batch in order.split(self.config.batch_size):
+            points = draw_points(len(self.n), self.config.terms_per_step, self.rng)
+            loss = self.loss(batch.to(self.device), points.to(self.device))
+            for group in self.optimizer.param_groups:
+                group["lr"] = self.learning_rate()
+            self.optimizer.zero_grad()
             loss.backward()
-            optimizer.step()
-            schedule.step()
-            total += loss.item() * len(batch)
-        mean_loss = total / count
-        if not math.isfinite(mean_loss):
+            self.optimizer.step()
+            self.steps += 1
+            total += loss.detach() * len(batch)
+        mean = total.item() / len(self.reference)
+        if not math.isfinite(mean):
             raise UserError(
-                f"training diverged: the loss of epoch {epoch + 1} is {mean_loss}; "
+                f"training diverged: the loss of epoch {self.epoch + 1} is {mean}; "
                 "lower learning_rate or raise epsilon"
             )
-        yield mean_loss
+        self.losses.append(mean)
+        return mean
+
+    def loss(self, batch: Tensor, points: Tensor) -> Tensor:
+        """Equation 6 for some integrands, its sum over all n estimated from those at `points`."""
+        inputs = windows(self.estimates[batch], self.config.window)[:, :, points]
+        t = self.model(inputs)  # [integrand, run, n, window] to [integrand, run, n]
+        e_t = mean_squared_errors(t, self.reference[batch])
+        e_s = self.e_s[batch][:, points]
+        loss = sequence_loss(self.config.loss, e_t, e_s, self.n[points], self.config.epsilon)
+        return loss * (len(self.n) / len(points))
+
+    def state(self) -> dict[str, Any]:
+        """All that changes in the course of training."""
+        return {
+            "model": self.model.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "rng": self.rng.get_state(),
+            "losses": list(self.losses),
+            "steps": self.steps,
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Goes on from a `state`."""
+        self.model.load_state_dict(state["model"])
+        self.optimizer.load_state_dict(state["optimizer"])
+        self.rng.set_state(state["rng"].cpu())
+        self.losses = list(state["losses"])
+        self.steps = state["steps"]
 
 
 def draw_points(count: int, wanted: int, rng: torch.Generator) -> Tensor:

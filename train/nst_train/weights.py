@@ -1,5 +1,6 @@
 """Weights files: safetensors with metadata, format `nst-weights-1`."""
 
+import copy
 import json
 import os
 from dataclasses import asdict, dataclass
@@ -24,11 +25,23 @@ class Provenance:
     loss: str
     epochs: int
     seed: int
-    config: str  # the whole TOML file
+    config: str  # the whole TOML file, and which of its settings
+    sampler: str | None = None  # "random" or "halton", of rendered sequences only
 
 
-def save(path: Path, model: Mlp, provenance: Provenance) -> None:
-    """Writes f32 weights; the same network and provenance give the same bytes."""
+def rounded(model: Mlp, dtype: torch.dtype) -> Mlp:
+    """The network that a file with weights of that type holds; it computes in f32."""
+    model = copy.deepcopy(model)
+    with torch.no_grad():
+        for parameter in model.parameters():
+            parameter.copy_(parameter.to(dtype))
+    return model
+
+
+def save(
+    path: Path, model: Mlp, provenance: Provenance, dtype: torch.dtype = torch.float32
+) -> None:
+    """Writes f32 or f16 weights; the same network and provenance give the same bytes."""
     architecture = {
         "format": FORMAT,
         "kind": "mlp",
@@ -37,8 +50,10 @@ def save(path: Path, model: Mlp, provenance: Provenance) -> None:
         "activation": "leaky_relu",
         "negative_slope": NEGATIVE_SLOPE,
     }
-    metadata = {key: str(value) for key, value in (architecture | asdict(provenance)).items()}
-    save_tensors(path, model.state_dict(), metadata)
+    known = {key: value for key, value in asdict(provenance).items() if value is not None}
+    metadata = {key: str(value) for key, value in (architecture | known).items()}
+    tensors = {name: tensor.cpu().to(dtype) for name, tensor in model.state_dict().items()}
+    save_tensors(path, tensors, metadata)
 
 
 def save_tensors(path: Path, tensors: dict[str, torch.Tensor], metadata: dict[str, str]) -> None:

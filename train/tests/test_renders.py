@@ -1,99 +1,83 @@
-"""Sequence files, and data from a stand-in for the `nst` binary."""
+"""Datasets, and data from a stand-in for the `nst` binary."""
 
 import os
-import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from dataset_writer import write_dataset
 from fake_nst import SCENE
-from sequence_writer import write_sequence
 
-from nst_train import renders, sequence_file
+from nst_train import dataset, renders
 from nst_train.config import RendersData
 from nst_train.errors import UserError
 
 WIDTH, HEIGHT = 5, 3
+SIZE = (WIDTH, HEIGHT)
 
 
-def random_layers(terms: int) -> dict[str, np.ndarray]:
-    rng = np.random.default_rng(1)
-    names = ["", *(f"S{k:04}." for k in range(1, terms + 1))]
-    return {name: rng.random((HEIGHT, WIDTH, 3), dtype=np.float32) for name in names}
+def random_sequences(runs: int, terms: int) -> np.ndarray:
+    return np.random.default_rng(1).random((runs, terms, 3 * WIDTH * HEIGHT), dtype=np.float32)
 
 
-def test_reads_terms_in_order(tmp_path: Path) -> None:
-    path, layers = tmp_path / "x.exr", random_layers(12)
-    write_sequence(path, layers, scene=SCENE)
-    file = sequence_file.read(path, (WIDTH, HEIGHT))
-    assert file.scene == SCENE
-    terms = file.terms(12)
-    assert terms.shape == (3 * WIDTH * HEIGHT, 12)
-    lane = 2 * WIDTH * HEIGHT + 1 * WIDTH + 4  # blue, row 1, column 4
-    assert terms[lane, 9] == layers["S0010."][1, 4, 2]
-    assert file.final()[lane] == layers[""][1, 4, 2]
+def test_reads_runs_in_order(tmp_path: Path) -> None:
+    path, sequences = tmp_path / "x.safetensors", random_sequences(2, 12)
+    write_dataset(path, sequences, SIZE, sampler="halton")
+    found = dataset.read(path, SIZE, 2, list(range(1, 13)))
+    assert (found.scene, found.sampler) == (SCENE, "halton")
+    assert isinstance(found.sequences, np.memmap)
+    for run in (0, 1):
+        np.testing.assert_array_equal(found.run(run), sequences[run])
 
 
-def test_bad_files_are_named(tmp_path: Path) -> None:
-    path, size = tmp_path / "x.exr", (WIDTH, HEIGHT)
-    with pytest.raises(UserError, match="x.exr: cannot read the sequence: No such file"):
-        sequence_file.read(path, size)
-    path.write_bytes(b"P6 5 3 255")
-    with pytest.raises(UserError, match="x.exr: not an OpenEXR file"):
-        sequence_file.read(path, size)
+@pytest.mark.parametrize(
+    ("changed", "shape", "complaint"),
+    [
+        ({"format": "nst-weights-1"}, (2, 9), "not a dataset of nst"),
+        ({"width": "3"}, (2, 9), "3x3 pixels, expected 5x3"),
+        ({"sample_counts": "1,2,4,5,6,7,8,9,10"}, (2, 9), "other sample counts than 1 to 9"),
+        ({}, (2, 8), "other sample counts than 1 to 9"),
+        ({}, (3, 9), r"F32 \[3, 9, 45\], expected F32 \[2, 9, 45\]"),
+    ],
+)
+def test_other_datasets_are_refused(
+    tmp_path: Path, changed: dict[str, str], shape: tuple[int, int], complaint: str
+) -> None:
+    path = tmp_path / "x.safetensors"
+    write_dataset(path, random_sequences(*shape), SIZE, **changed)
+    with pytest.raises(UserError, match=f"x.safetensors: .*{complaint}"):
+        dataset.read(path, SIZE, 2, list(range(1, 10)))
 
-    layers = random_layers(8)
-    write_sequence(path, layers)
-    with pytest.raises(UserError, match="no attribute nst.scene"):
-        sequence_file.read(path, size)
-    write_sequence(path, layers, scene=SCENE)
-    with pytest.raises(UserError, match="5x3 pixels, expected 3x5"):
-        sequence_file.read(path, (HEIGHT, WIDTH))
-    with pytest.raises(UserError, match=r"no channel S0009.R \(it holds 8 terms\); .*--keep all"):
-        sequence_file.read(path, size).terms(9)
 
+def test_damaged_datasets_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "x.safetensors"
+
+    def read() -> dataset.Dataset:
+        return dataset.read(path, SIZE, 2, list(range(1, 10)))
+
+    with pytest.raises(UserError, match="x.safetensors: cannot read the dataset: No such file"):
+        read()
+    for junk in (b"", b"P6 5 3 255", b"\x04" + bytes(7) + b"junk", b"\x02" + bytes(7) + b"[]"):
+        path.write_bytes(junk)
+        with pytest.raises(UserError, match="not a safetensors file, or a damaged one"):
+            read()
+
+    sequences = random_sequences(2, 9)
+    write_dataset(path, sequences, SIZE)
     whole = path.read_bytes()
-    path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(UserError, match="x.exr: damaged OpenEXR file"):
-        sequence_file.read(path, size).terms(8)
-
-    layers["S0003."][0, 0, 1] = np.nan
-    write_sequence(path, layers, scene=SCENE)
-    with pytest.raises(UserError, match="channel S0003.G holds NaN"):
-        sequence_file.read(path, size).terms(8)
-    halves = {name: pixels.astype(np.float16) for name, pixels in random_layers(8).items()}
-    write_sequence(path, halves, scene=SCENE)
-    with pytest.raises(UserError, match="float16, expected float32"):
-        sequence_file.read(path, size).final()
-
-
-@pytest.fixture
-def fake_nst(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Makes fake_nst.py the renderer; returns the log of its calls."""
-    binary, log = tmp_path / "nst", tmp_path / "calls"
-    script = Path(__file__).with_name("fake_nst.py")
-    binary.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{script}" "$@"\n')
-    binary.chmod(0o755)
-    monkeypatch.setenv("NST", str(binary))
-    monkeypatch.setenv("FAKE_NST_LOG", str(log))
-    return log
-
-
-@pytest.fixture
-def settings(tmp_path: Path) -> RendersData:
-    scene = tmp_path / "scene" / "box.obj"
-    scene.parent.mkdir()
-    scene.write_text("v 0 0 0\n")
-    return RendersData(
-        kind="renders",
-        scene=str(scene),  # an absolute path stays what it is
-        size=[WIDTH, HEIGHT],
-        runs=2,
-        evaluation_runs=1,
-        terms=10,
-        reference_spp=500,
-        first_seed=5,
-    )
+    path.write_bytes(whole[:-1])
+    with pytest.raises(UserError, match="damaged: .* bytes of numbers, expected 3240"):
+        read()
+    for bad in (np.nan, np.inf):
+        sequences[1, 3, 4] = bad
+        write_dataset(path, sequences, SIZE)
+        read().run(0)
+        with pytest.raises(UserError, match="run 1 holds NaN or infinity"):
+            read().run(1)
+    write_dataset(path, random_sequences(2, 9).astype(np.float16), SIZE)
+    with pytest.raises(UserError, match="F16 .* expected F32"):
+        read()
 
 
 def test_renders_once_and_drops_constant_lanes(
@@ -101,8 +85,8 @@ def test_renders_once_and_drops_constant_lanes(
 ) -> None:
     data = renders.make_data(settings, tmp_path / "cache")
     calls = fake_nst.read_text().splitlines()
-    assert sorted(calls) == ["all 5 10", "all 6 10", "all 7 10", "window 8 500"]
-    assert not list(tmp_path.glob("cache/**/*.image.exr"))
+    assert calls == ["all 5 3 10 random 2 center", "window 8 1 500 random 2 center"]
+    assert not list(tmp_path.glob("cache/**/*.part.safetensors"))
 
     lanes = WIDTH * (HEIGHT - 1) * 3  # row 0 is constant
     (held_out,) = data.held_out.values()
@@ -115,19 +99,47 @@ def test_renders_once_and_drops_constant_lanes(
 
     again = renders.make_data(settings, tmp_path / "cache")
     assert again.training.estimates.equal(data.training.estimates)
-    assert len(fake_nst.read_text().splitlines()) == 4
+    assert len(fake_nst.read_text().splitlines()) == 2
 
     Path(settings.scene).write_text("v 1 1 1\n")
     renders.make_data(settings, tmp_path / "cache")
-    assert len(fake_nst.read_text().splitlines()) == 8, "a changed scene is rendered again"
+    assert len(fake_nst.read_text().splitlines()) == 4, "a changed scene is rendered again"
+
+
+def test_one_channel_of_a_grey_scene_is_enough(
+    fake_nst: Path, settings: RendersData, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    colored = renders.load(settings, tmp_path / "colored")
+    assert colored.estimates.shape == (3 * WIDTH * HEIGHT, 3, 10)
+    monkeypatch.setenv("FAKE_NST_GREY", "1")
+    grey = renders.load(settings, tmp_path / "grey")
+    assert grey.estimates.shape == (WIDTH * HEIGHT, 3, 10)
+    assert grey.reference.shape == (WIDTH * HEIGHT,)
+
+
+def test_what_was_asked_for_is_rendered_and_checked(
+    fake_nst: Path, settings: RendersData, tmp_path: Path
+) -> None:
+    cache = tmp_path / "cache"
+    renders.load(replace(settings, sampler="halton", max_depth=8, pixel="box"), cache)
+    assert "all 5 3 10 halton 8 box" in fake_nst.read_text()
+    renders.load(settings, cache)
+    (runs,) = cache.glob("*/*-random-depth2-center-10spp-3runs-seed5.safetensors")
+
+    write_dataset(runs, random_sequences(3, 10), SIZE, sampler="halton")
+    with pytest.raises(UserError, match="made with the sampler 'halton', not 'random'"):
+        renders.load(settings, cache)
+    write_dataset(runs, random_sequences(3, 10), SIZE, scene="box:1")
+    with pytest.raises(UserError, match="rendered from box:1, but .* from box:0123456789abcdef"):
+        renders.load(settings, cache)
 
 
 def test_a_failing_renderer_is_quoted(
     fake_nst: Path, settings: RendersData, tmp_path: Path
 ) -> None:
-    with pytest.raises(UserError, match="seed 13, failed .*error: the scene is on fire put it out"):
-        renders.render(Path(settings.scene), (5, 3), 8, 13, "all", tmp_path / "x.exr")
-    assert not (tmp_path / "x.exr").exists()
+    with pytest.raises(UserError, match="failed .1.: error: the scene is on fire put it out"):
+        renders.load(replace(settings, first_seed=13), tmp_path / "cache")
+    assert not list(tmp_path.glob("cache/**/*.safetensors"))
 
 
 def test_missing_scene_and_renderer_are_named(

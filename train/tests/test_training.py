@@ -1,9 +1,6 @@
-"""Training, scoring and the command line, on data small enough for a test."""
+"""Training and scoring, on data small enough for a test."""
 
-import csv
-import re
-import subprocess
-import sys
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,19 +9,17 @@ import pytest
 import torch
 
 from nst_train import config as configs
-from nst_train import families, weights
-from nst_train.__main__ import main
+from nst_train import evaluation, families
 from nst_train.errors import UserError
-from nst_train.evaluation import evaluate
 from nst_train.model import Mlp
-from nst_train.training import draw_points, make_model, train
+from nst_train.training import Training, draw_points
 
-TRAIN = Path(__file__).parents[1]
 SMALL = """\
-name = "small"
+name = "tiny"
 seed = 1
 window = 8
 hidden = [16, 16]
+start = "random"
 loss = "L2"
 epsilon = 1e-4
 epochs = 150
@@ -42,59 +37,115 @@ terms = 32
 
 @pytest.fixture
 def small(tmp_path: Path) -> configs.Config:
-    path = tmp_path / "small.toml"
+    path = tmp_path / "tiny.toml"
     path.write_text(SMALL)
     return configs.load(path)
 
 
+def train(config: configs.Config, data: families.Data) -> Training:
+    training = Training(config, data.training)
+    while training.epoch < config.epochs:
+        training.run_epoch()
+    return training
+
+
 def test_training_beats_the_input_on_unseen_integrands(small: configs.Config) -> None:
-    """Seeds 1 to 6 reach 0.079 to 0.092 times the MSE of S_8; untrained networks, 3 or more."""
+    """Seeds 1 to 6 reach 0.10 to 0.14 times the MSE of S_8; untrained networks, 3 or more. The ratio is
+    of 9 × 50 sequences, so chance moves it by some 10 %."""
     data = families.make_data(["gaussian"], small.data.runs, small.data.terms, small.seed)
-    model = make_model(small)
-    untrained = evaluate(model, data)[0]
-    losses = list(train(model, data.training, small))
-    trained = evaluate(model, data)[0]
-    assert losses[-1] < 0.8 * losses[0]
-    assert (trained.data, trained.n) == ("gaussian", 8)
-    assert untrained.mse_ratio > 1.0
-    assert trained.mse_ratio < 0.2
+
+    def ratio(model: Mlp) -> float:
+        scores = evaluation.network_scores(small, model, data, [8])
+        return evaluation.ratio(scores, "gaussian", 8)
+
+    assert ratio(Training(small, data.training).model) > 1.0
+    training = train(small, data)
+    assert training.losses[-1] < 0.8 * training.losses[0]
+    assert ratio(training.model) < 0.25
 
 
 def test_scores_of_known_transformations(small: configs.Config) -> None:
     """T = S scores 1 and T = a constant scores what the constant baseline scores."""
-    data = families.make_data(["gaussian", "step"], runs=3, terms=20, seed=1)
+    config = replace(small, data=replace(small.data, families=["gaussian", "step"], runs=3, terms=12))
+    data = families.make_data(["gaussian", "step"], runs=3, terms=12, seed=1)
     model = Mlp(8, [1])
     with torch.no_grad():
         for parameter in model.parameters():
             parameter.zero_()
         model.layers[0].weight[0, -1] = 1.0
         model.layers[1].weight[0, 0] = 1.0  # S ≥ 0 here, so the hidden unit is linear
-    scores = evaluate(model, data)
-    assert [(s.data, s.n) for s in scores] == [
-        (name, n) for name in ("gaussian", "step", "all") for n in (8, 16, 20)
-    ]
-    assert [s.mse_ratio for s in scores] == pytest.approx([1.0] * 9)
+    scores = evaluation.evaluate(config, model, data)
+    keys = [(s.data, s.n) for s in scores if s.method == "T"]
+    assert keys == [(name, n) for name in ("gaussian", "step", "all") for n in range(8, 13)]
+    assert {s.method for s in scores} == {"S", "T", "constant", "bayes", "aitken", "levin-u", "an-gn"}
+    for s in scores:
+        assert s.mse == pytest.approx(s.bias2 + s.variance)
+        assert s.method != "T" or s.mse_ratio == pytest.approx(1.0)
 
     with torch.no_grad():
         model.layers[1].weight.zero_()
         model.layers[1].bias.fill_(data.training.reference.mean())
-    for score in evaluate(model, data):
-        assert score.mse_ratio == pytest.approx(score.constant_mse_ratio, rel=1e-5)
+    scores = evaluation.evaluate(config, model, data)
+    for name in ("gaussian", "step", "all"):
+        for n in range(8, 13):
+            t = evaluation.ratio(scores, name, n)
+            assert t == pytest.approx(evaluation.ratio(scores, name, n, "constant"), rel=1e-5)
+
+
+def test_bias_and_variance_are_told_apart() -> None:
+    """Two runs at I + 1 and I + 3: bias 2, variance 1; the next integrand is right."""
+    error = evaluation.errors(np.array([[6.0, 8.0], [1.0, 1.0]]), np.array([5.0, 1.0]))
+    assert error == pytest.approx((5.0 / 2, 4.0 / 2, 1.0 / 2))
 
 
 def test_training_is_reproducible(small: configs.Config) -> None:
     data = families.make_data(["gaussian"], runs=4, terms=16, seed=1)
     config = replace(small, epochs=2)
-    first, second = make_model(config), make_model(config)
-    assert list(train(first, data.training, config)) == list(train(second, data.training, config))
-    assert all(torch.equal(a, b) for a, b in zip(first.parameters(), second.parameters()))
+    first, second = train(config, data), train(config, data)
+    assert first.losses == second.losses
+    pairs = zip(first.model.parameters(), second.model.parameters(), strict=True)
+    assert all(torch.equal(a, b) for a, b in pairs)
+    other = train(replace(config, seed=2), data)
+    assert other.losses != first.losses
+
+
+def test_the_learning_rate_falls_along_half_a_cosine(small: configs.Config) -> None:
+    data = families.make_data(["gaussian"], runs=2, terms=16, seed=1)
+    training = Training(replace(small, epochs=4), data.training)
+    rates = [training.learning_rate()]
+    for _ in range(4):
+        training.run_epoch()
+        rates.append(training.learning_rate())
+    expected = [0.5e-2 * (1.0 + math.cos(math.pi * epoch / 4)) for epoch in range(5)]
+    assert rates == pytest.approx(expected)
+
+
+def test_mixed_precision_is_for_hidden_layers_alone() -> None:
+    """Rounded to bf16, estimates whose differences matter would be equal."""
+    model = Mlp(2, [4, 4])
+    inputs: dict[int, torch.dtype] = {}
+    outputs: dict[int, torch.dtype] = {}
+    for index, layer in enumerate(model.layers):
+
+        def note(layer, given, result, index=index) -> None:
+            inputs[index], outputs[index] = given[0].dtype, result.dtype
+
+        layer.register_forward_hook(note)
+    exact = model(torch.tensor([[1.0, 1.001]]))
+    assert set(outputs.values()) == {torch.float32}
+    model.mixed = True
+    mixed = model(torch.tensor([[1.0, 1.001]]))
+    assert list(outputs.values()) == [torch.float32, torch.bfloat16, torch.float32]
+    assert inputs[0] == inputs[2] == torch.float32
+    torch.testing.assert_close(mixed, exact, rtol=0.05, atol=0.01)
+    mixed.sum().backward()
+    assert all(p.grad.dtype == torch.float32 for p in model.parameters())
 
 
 def test_divergence_is_an_error(small: configs.Config) -> None:
     data = families.make_data(["gaussian"], runs=4, terms=16, seed=1)
-    config = replace(small, loss="L0", learning_rate=1e30)
     with pytest.raises(UserError, match="diverged.*lower learning_rate"):
-        list(train(make_model(config), data.training, config))
+        train(replace(small, loss="L0", learning_rate=1e30), data)
 
 
 def test_points_are_drawn_evenly_and_without_repeats() -> None:
@@ -105,43 +156,3 @@ def test_points_are_drawn_evenly_and_without_repeats() -> None:
     # Each index is expected 800 times, with standard deviation 22.
     counts = np.bincount(np.ravel(draws), minlength=10)
     assert np.abs(counts - 800).max() < 110
-
-
-def test_command_exports_weights_metrics_and_config(tmp_path: Path) -> None:
-    config = tmp_path / "small.toml"
-    config.write_text(re.sub("epochs = .*", "epochs = 2", SMALL))
-    out = tmp_path / "out"
-    line = [sys.executable, "-m", "nst_train", str(config), "--out", str(out)]
-    result = subprocess.run(line, cwd=TRAIN, capture_output=True, text=True)
-    assert result.returncode == 0, result.stderr
-    assert (out / "config.toml").read_text() == config.read_text()
-    _, metadata = weights.load(out / "small.safetensors")
-    assert metadata["trained_on"] == "family:gaussian"
-    assert metadata["samples"] == "8..32"
-    assert metadata["epochs"] == "2"
-    assert metadata["config"] == config.read_text()
-    with (out / "metrics.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert [row["n"] for row in rows] == ["8", "16", "32"]
-    assert all(float(row["mse_ratio"]) > 0 for row in rows)
-
-
-@pytest.mark.parametrize(
-    ("text", "complaint"),
-    [
-        (SMALL.replace("loss =", "los ="), "unknown key 'los'; did you mean 'loss'?"),
-        (SMALL.replace("seed = 1", 'seed = "1"'), "seed = '1': expected int"),
-        (None, "cannot read the config: No such file"),
-    ],
-)
-def test_mistakes_end_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str | None, complaint: str
-) -> None:
-    config = tmp_path / "config.toml"
-    if text is not None:
-        config.write_text(text)
-    assert main([str(config), "--out", str(tmp_path / "out")]) == 1
-    message = capsys.readouterr().err
-    assert message.startswith(f"error: {config}: ")
-    assert complaint in message
-    assert message.count("\n") == 1

@@ -1,5 +1,6 @@
 """The weights file, its metadata, and the fixtures made of them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -48,6 +49,19 @@ def test_round_trip(tmp_path: Path) -> None:
     assert torch.equal(loaded(x), model(x))
 
 
+def test_half_precision_and_sampler(tmp_path: Path) -> None:
+    """The file holds what `rounded` computes with, and half as many bytes of numbers."""
+    model, path = Mlp(8, [32]), tmp_path / "x.safetensors"
+    weights.save(path, model, replace(PROVENANCE, sampler="halton"), torch.float16)
+    loaded, metadata = weights.load(path)
+    assert metadata["sampler"] == "halton"
+    tensors, _ = weights.load_tensors(path)
+    assert all(tensor.dtype == torch.float16 for tensor in tensors.values())
+    x = torch.randn(10, 8)
+    assert torch.equal(loaded(x), weights.rounded(model, torch.float16)(x))
+    assert not torch.equal(loaded(x), model(x))
+
+
 def test_same_network_gives_same_bytes(tmp_path: Path) -> None:
     model = Mlp(8, [4])
     for name in ("a", "b"):
@@ -65,6 +79,16 @@ def test_network_is_the_one_described() -> None:
         model.layers[1].bias.copy_(torch.tensor([-10.0]))
     # hidden = (1.5, -3) → (1.5, -0.03); T = 3 - 3 - 10
     torch.testing.assert_close(model(torch.tensor([1.0, -3.0])), torch.tensor(-10.0))
+
+
+def test_a_network_can_start_from_its_input() -> None:
+    """T = S_n, and the other units still get gradients through the last layer."""
+    model = Mlp(4, [6, 5])
+    model.start_from_input()
+    x = torch.rand(10, 4)
+    assert torch.equal(model(x), x[:, -1])
+    (model(x) - 0.5).square().sum().backward()
+    assert (model.layers[-1].weight.grad != 0).sum() > 1
 
 
 def test_bad_files_are_named(tmp_path: Path) -> None:

@@ -1,51 +1,81 @@
-"""Python and the real `nst` binary agree on files: sequences, weights, and what a network makes of them."""
+"""Python and the real `nst` binary agree on files: datasets, weights, and what a network makes of them."""
 
 import subprocess
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
+import pytest
 import torch
 
-from nst_train import renders, sequence_file, training, weights
+from nst_train import renders, training, weights
 from nst_train.config import RendersData
 from nst_train.config import load as load_config
 
 SCENE = "scenes/cornell/cornell.obj"
 CONFIG = Path(__file__).resolve().parents[1] / "configs" / "cornell.toml"
+SIZE = [12, 10]
+SEED = 7
 
 
 def nst(*arguments: object) -> None:
     subprocess.run([renders.renderer(), *map(str, arguments)], check=True, capture_output=True)
 
 
-def test_a_fresh_network_gives_the_same_picture_in_pytorch_and_nst(tmp_path: Path) -> None:
-    data = RendersData("renders", SCENE, [12, 10], 2, 1, 10, 32, 1)
-    cornell = renders.make_data(data, tmp_path)
-    assert cornell.trained_on.startswith("scene:cornell:")
-    assert cornell.training.estimates.shape[1:] == (2, 10)
+def dataset(**changed: object) -> RendersData:
+    fixed = dict(kind="renders", scene=SCENE, size=SIZE, runs=2, evaluation_runs=1, terms=10)
+    varied = dict(reference_spp=32, first_seed=SEED, sampler="random", max_depth=8, pixel="box")
+    return RendersData(**(fixed | varied | changed))
 
-    model = training.make_model(load_config(CONFIG))
-    provenance = weights.Provenance(cornell.trained_on, "8..10", "L2", 0, 1, "")
-    weights.save(tmp_path / "fresh.safetensors", model, provenance)
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float16])
+def test_a_fresh_network_gives_the_same_picture_in_pytorch_and_nst(
+    tmp_path: Path, dtype: torch.dtype
+) -> None:
+    cornell = renders.load(dataset(), tmp_path)
+    assert cornell.scene.startswith("cornell:")
+    assert cornell.estimates.shape == (3 * 12 * 10, 3, 10)
+
+    config = load_config(CONFIG)
+    model = training.make_model(config)
+    provenance = weights.Provenance(f"scene:{cornell.scene}", "8..10", "L2", 0, 1, "", "random")
+    path = tmp_path / "fresh.safetensors"
+    weights.save(path, model, provenance, dtype)
     sequence, picture = tmp_path / "sequence.exr", tmp_path / "picture.exr"
-    size = ("--size", "12x10", "--spp", 10, "--seed", 7)
-    nst(*("render", "--scene", renders.REPOSITORY / SCENE, *size, "--keep", "all"),
+    size = ("--size", "12x10", "--spp", 10, "--seed", SEED)
+    nst(*("render", "--scene", renders.REPOSITORY / SCENE, *size),
         *("--sequence", sequence, "-o", tmp_path / "plain.exr", "--transform", "none"))
-    nst("transform", sequence, "--weights", tmp_path / "fresh.safetensors", "-o", picture,
-        "--backend", "cpu")
+    nst("transform", sequence, "--weights", path, "-o", picture, "--backend", "cpu")
 
-    estimates = torch.from_numpy(sequence_file.read(sequence, (12, 10)).terms(10))
-    window = estimates[:, 2:]
+    # Run 0 has the seed of the sequence.
+    window = torch.from_numpy(cornell.estimates[:, 0, 2:])
     with torch.no_grad():
-        expected = model.double()(window.double())
+        expected = weights.rounded(model, dtype).double()(window.double())
+        unrounded = model.double()(window.double())
     constant = (window == window[:, :1]).all(dim=1)  # nst leaves S_n there
-    expected[constant] = window[constant, -1].double()
+    for values in (expected, unrounded):
+        values[constant] = window[constant, -1].double()
 
     actual = torch.from_numpy(read_picture(picture))
     assert 0 < constant.sum() < len(constant) / 2
     # f32 rounding, as in the agreement tests of the Rust side; outputs are of the order of 0.1.
-    assert (actual - expected).abs().max() < 1e-5 * expected.abs().max()
+    tolerance = 1e-5 * expected.abs().max()
+    assert (actual - expected).abs().max() < tolerance
+    if dtype == torch.float16:
+        assert (actual - unrounded).abs().max() > tolerance
+
+
+def test_samplers_depths_and_filters_are_different_data(tmp_path: Path) -> None:
+    plain = renders.load(dataset(), tmp_path)
+    for change in ({"sampler": "halton"}, {"max_depth": 2}, {"pixel": "center"}):
+        other = renders.load(dataset(**change), tmp_path)
+        assert not np.array_equal(other.estimates, plain.estimates)
+        assert (other.scene == plain.scene) == ("sampler" in change)
+
+
+def test_grey_scenes_have_one_channel(tmp_path: Path) -> None:
+    plane = dataset(scene="scenes/plane-lambert/plane-lambert.obj", max_depth=2)
+    assert renders.load(plane, tmp_path).estimates.shape == (12 * 10, 3, 10)
 
 
 def read_picture(path: Path) -> np.ndarray:

@@ -29,7 +29,7 @@ pub(crate) enum Command {
 
 /// Render a scene, transform each pixel's sequence, write EXR and PNG.
 #[derive(Debug, clap::Args)]
-#[command(group(ArgGroup::new("stored").args(["sequence", "resume"]).multiple(true)))]
+#[command(group(ArgGroup::new("stored").args(["sequence", "resume", "runs"]).multiple(true)))]
 pub(crate) struct RenderArgs {
     /// OBJ file; its MTL files and a TOML sidecar of the same name are read with it.
     #[arg(long, value_name = "OBJ")]
@@ -52,7 +52,7 @@ pub(crate) struct RenderArgs {
     /// need not be repeated; without --sequence it is brought up to date.
     #[arg(long, value_name = "EXR", conflicts_with = "runs")]
     pub(crate) resume: Option<PathBuf>,
-    /// Which terms of the sequence to store. [default: window]
+    /// Which terms of the sequence to store. [default: window; with --runs, all]
     #[arg(long, value_enum, requires = "stored")]
     pub(crate) keep: Option<KeepArg>,
     /// Film size in pixels, as in 512x512. [default: the scene's]

@@ -16,6 +16,20 @@ pub(crate) const DEFAULT_WINDOW: usize = 8;
 
 const AS_ASKED: &str = "as asked";
 
+/// What `--transform auto` chooses by.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Origin<'a> {
+    /// The scene's fingerprint.
+    pub(crate) scene: &'a str,
+    /// The sampler's name; empty where it is not known.
+    pub(crate) sampler: &'a str,
+    /// The samples behind the terms; the last alone stands for consecutive ones.
+    pub(crate) counts: &'a [u32],
+}
+
+/// The sampler of networks from before their files named it.
+const FIRST_SAMPLER: &str = "random";
+
 /// A transformation, ready to be applied.
 pub(crate) struct Method {
     /// `none`, the name of a built-in network or method, or a weights file.
@@ -30,16 +44,15 @@ pub(crate) struct Method {
 }
 
 impl Method {
-    /// Resolves the options for a sequence of a scene. `counts` are the samples behind
-    /// its terms; the last alone stands for consecutive ones.
-    pub(crate) fn resolve(args: &MethodArgs, scene: &str, counts: &[u32]) -> Result<Self, Error> {
+    /// Resolves the options for a sequence of some origin.
+    pub(crate) fn resolve(args: &MethodArgs, origin: Origin<'_>) -> Result<Self, Error> {
         match &args.weights {
             Some(path) => {
                 let network = Network::read(path)
                     .map_err(|source| Error::Weights { path: path.clone(), source })?;
                 Self::network(path.display().to_string(), AS_ASKED, network, args.backend)
             }
-            None => Self::named(args.transform, args.backend, scene, counts),
+            None => Self::named(args.transform, args.backend, origin),
         }
     }
 
@@ -47,8 +60,7 @@ impl Method {
     pub(crate) fn named(
         transform: TransformArg,
         backend: BackendArg,
-        scene: &str,
-        counts: &[u32],
+        origin: Origin<'_>,
     ) -> Result<Self, Error> {
         match transform {
             TransformArg::None => Ok(Self::none(AS_ASKED)),
@@ -59,7 +71,7 @@ impl Method {
                 Ok(Self::on_cpu(name, AS_ASKED, method))
             }
             TransformArg::Builtin(name) => Self::network(name, AS_ASKED, builtin(name)?, backend),
-            TransformArg::Auto => match trained_on(scene, counts)? {
+            TransformArg::Auto => match trained_on(BUILTIN, origin)? {
                 Ok((name, network)) => {
                     let reason = format!("trained on this scene; {}", network.shape());
                     Self::network(name, reason, network, backend)
@@ -130,27 +142,90 @@ fn builtin(name: &str) -> Result<Network, Error> {
     Ok(network.unwrap_or_else(|| unreachable!("the command line admits built-in names only"))?)
 }
 
-/// The built-in network for this very scene and these terms, or why there is none.
+/// The network for this very scene, sampler and these terms, or why there is none.
 fn trained_on(
-    scene: &str,
-    counts: &[u32],
+    networks: &[(&'static str, &[u8])],
+    Origin { scene, sampler, counts }: Origin<'_>,
 ) -> Result<Result<(&'static str, Network), String>, Error> {
     let wanted = format!("scene:{scene}");
-    for (name, _) in BUILTIN {
-        let network = builtin(name)?;
+    let mut reason = "no network was trained on this very scene".to_owned();
+    for &(name, bytes) in networks {
+        let network = Network::from_bytes(bytes)?;
         let metadata = network.metadata();
-        if metadata.trained_on.contains(&wanted) {
-            let (first, last) = metadata.samples;
-            let window = &counts[counts.len().saturating_sub(metadata.window)..];
-            return Ok(if !counts.last().is_some_and(|spp| (first..=last).contains(spp)) {
-                Err(format!("network '{name}' was trained on {first} to {last} spp of this scene"))
-            } else if window.windows(2).any(|pair| pair[1] - pair[0] > 1) {
-                // As in merged sequences: they vary more than what it has seen.
-                Err(format!("network '{name}' was trained on terms that are one sample apart"))
-            } else {
-                Ok((name, network))
-            });
+        if !metadata.trained_on.contains(&wanted) {
+            continue;
         }
+        let (first, last) = metadata.samples;
+        let window = &counts[counts.len().saturating_sub(metadata.window)..];
+        let used = metadata.sampler.as_deref().unwrap_or(FIRST_SAMPLER);
+        reason = if used != sampler {
+            format!("network '{name}' was trained on samples of another sampler, '{used}'")
+        } else if !counts.last().is_some_and(|spp| (first..=last).contains(spp)) {
+            format!("network '{name}' was trained on {first} to {last} spp of this scene")
+        } else if window.windows(2).any(|pair| pair[1] - pair[0] > 1) {
+            // As in merged sequences: they vary more than what it has seen.
+            format!("network '{name}' was trained on terms that are one sample apart")
+        } else {
+            return Ok(Ok((name, network)));
+        };
     }
-    Ok(Err("no network was trained on this very scene".to_owned()))
+    Ok(Err(reason))
+}
+
+#[cfg(test)]
+mod tests {
+    use safetensors::{Dtype, serialize, tensor::TensorView};
+
+    use super::*;
+
+    /// A network for 2 to 9 samples of one scene.
+    fn weights(sampler: Option<&str>) -> Vec<u8> {
+        let zeros = [0; 8];
+        let tensor = |shape: &[usize], bytes| {
+            TensorView::new(Dtype::F32, shape.to_vec(), bytes).expect("sizes match")
+        };
+        let tensors = [
+            ("layers.0.weight", tensor(&[1, 2], &zeros)),
+            ("layers.0.bias", tensor(&[1], &zeros[..4])),
+        ];
+        let metadata = [
+            ("format", "nst-weights-1"),
+            ("kind", "mlp"),
+            ("inputs", "window"),
+            ("window", "2"),
+            ("activation", "leaky_relu"),
+            ("negative_slope", "0.01"),
+            ("trained_on", "scene:box:1"),
+            ("samples", "2..9"),
+            ("loss", "L2"),
+            ("epochs", "1"),
+            ("seed", "1"),
+            ("config", ""),
+        ];
+        let metadata = metadata.into_iter().chain(sampler.map(|sampler| ("sampler", sampler)));
+        let metadata = metadata.map(|(key, value)| (key.to_owned(), value.to_owned()));
+        serialize(tensors, Some(metadata.collect())).expect("a safetensors file")
+    }
+
+    #[test]
+    fn a_network_is_for_its_scene_sampler_and_terms() -> Result<(), Error> {
+        let (old, halton) = (weights(None), weights(Some("halton")));
+        let networks = [("old", old.as_slice()), ("halton", halton.as_slice())];
+        let chosen = |scene, sampler, counts| -> Result<Result<&str, String>, Error> {
+            let found = trained_on(&networks, Origin { scene, sampler, counts })?;
+            Ok(found.map(|(name, _)| name))
+        };
+        assert_eq!(chosen("box:1", "random", &[9])?, Ok("old"));
+        assert_eq!(chosen("box:1", "halton", &[8, 9])?, Ok("halton"));
+        for (scene, sampler, counts, why) in [
+            ("box:2", "random", &[9][..], "this very scene"),
+            ("box:1", "", &[9], "another sampler, 'halton'"),
+            ("box:1", "halton", &[10], "'halton' was trained on 2 to 9 spp"),
+            ("box:1", "halton", &[7, 9], "one sample apart"),
+        ] {
+            let reason = chosen(scene, sampler, counts)?.expect_err(why);
+            assert!(reason.contains(why), "{reason}");
+        }
+        Ok(())
+    }
 }

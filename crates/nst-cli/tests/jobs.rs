@@ -263,6 +263,16 @@ fn runs_become_one_dataset() {
     let (numbers, _) = sequences.data().as_chunks();
     let run: Vec<f32> = numbers[2 * 9 * 60..].iter().map(|&b| f32::from_le_bytes(b)).collect();
     assert!(stored.batch.terms().iter().eq(&run));
+
+    // A reference needs no more than the last terms.
+    bench.succeed(&format!("{scene} --seed 42 --runs 1 --keep window -o last.safetensors"));
+    let bytes = std::fs::read(bench.path("last.safetensors")).expect("the dataset");
+    let (_, header) = SafeTensors::read_metadata(&bytes).expect("a header");
+    let metadata = header.metadata().clone().expect("metadata");
+    assert_eq!(metadata["sample_counts"], "2,3,4,5,6,7,8,9");
+    let tensors = SafeTensors::deserialize(&bytes).expect("a safetensors file");
+    let (last, _) = tensors.tensor("sequences").expect("the tensor").data().as_chunks();
+    assert!(last.iter().map(|&b| f32::from_le_bytes(b)).eq(run[60..].iter().copied()));
 }
 
 #[test]

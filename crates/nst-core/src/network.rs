@@ -16,11 +16,15 @@ const FORMAT: &str = "nst-weights-1";
 /// No layer may be wider than this; larger numbers are taken for damage.
 const MAX_WIDTH: usize = 4096;
 
+/// Names and files of networks in `weights/`; one more is one more name.
+macro_rules! builtin {
+    ($($name:literal),* $(,)?) => {
+        [$(($name, include_bytes!(concat!("../weights/", $name, ".safetensors")).as_slice())),*]
+    };
+}
+
 /// The networks inside the crate: a name and the bytes of the file.
-pub const BUILTIN: &[(&str, &[u8])] = &[
-    ("cornell", include_bytes!("../weights/cornell.safetensors")),
-    ("families", include_bytes!("../weights/families.safetensors")),
-];
+pub const BUILTIN: &[(&str, &[u8])] = &builtin!("cornell", "families");
 
 /// One fully connected layer: y = weight · x + bias.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,6 +60,8 @@ pub struct Metadata {
     pub trained_on: Vec<String>,
     /// The sample counts n it was trained on: first and last.
     pub samples: (u32, u32),
+    /// Which sampler drew the samples, for networks trained on renderings.
+    pub sampler: Option<String>,
     /// The loss of the paper's equation 9: `L0` to `L3`.
     pub loss: String,
     /// How many times training went through its data.
@@ -134,6 +140,7 @@ impl Network {
             negative_slope: fields.number("negative_slope")?,
             trained_on: fields.get("trained_on")?.split(',').map(|s| s.trim().to_owned()).collect(),
             samples: fields.range("samples")?,
+            sampler: fields.get("sampler").ok().map(str::to_owned),
             loss: fields.get("loss")?.to_owned(),
             epochs: fields.number("epochs")?,
             seed: fields.number("seed")?,
@@ -310,6 +317,10 @@ mod tests {
         assert_eq!(network.shape(), "3-5-1");
         assert_eq!(network.metadata().trained_on, ["family:step", "family:gaussian"]);
         assert_eq!(network.metadata().samples, (8, 64));
+        assert_eq!(network.metadata().sampler, None);
+        let (tensors, mut metadata) = parts();
+        metadata.insert("sampler".into(), "halton".into());
+        assert_eq!(read(&tensors, &metadata)?.metadata().sampler.as_deref(), Some("halton"));
         Ok(())
     }
 

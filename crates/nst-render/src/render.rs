@@ -41,6 +41,14 @@ pub enum Keep {
     Pow2(u32),
 }
 
+impl Keep {
+    /// The sample counts of the terms that a rendering with `spp` samples keeps.
+    #[must_use]
+    pub fn sample_counts(self, spp: u32) -> Vec<u32> {
+        Slots::new(self, spp).sample_counts(spp)
+    }
+}
+
 /// How to render, as opposed to what.
 #[derive(Clone, Copy, Debug)]
 pub struct RenderSettings {

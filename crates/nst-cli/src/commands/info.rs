@@ -123,6 +123,7 @@ fn weights(path: &Path) -> Result<Info, Error> {
         "window": metadata.window,
         "trained_on": metadata.trained_on,
         "samples": [first, last],
+        "sampler": metadata.sampler,
         "loss": metadata.loss,
         "epochs": metadata.epochs,
         "seed": metadata.seed,

@@ -19,7 +19,7 @@ use crate::{
     args::{IntegratorArg, KeepArg, RenderArgs},
     error::Error,
     interrupt,
-    method::{DEFAULT_WINDOW, Method},
+    method::{DEFAULT_WINDOW, Method, Origin},
     summary::{LaneCounts, RenderStats, Stopwatch, timed},
 };
 
@@ -38,11 +38,19 @@ fn picture(args: &RenderArgs) -> Result<(), Error> {
     let scene = timed(&mut watch.io, || load_scene(args, stored))?;
     let exr_path = args.output(&scene.name)?;
     let fingerprint = scene.fingerprint();
-    let method = Method::resolve(&args.method, &fingerprint, &[args.spp])?;
+    let sampler = match &resumed {
+        None => args.sampler.map_or_else(Default::default, Into::into),
+        Some(resumed) => resumed.sampler,
+    };
+    let for_spp = |spp| {
+        let origin = Origin { scene: &fingerprint, sampler: sampler.name(), counts: &[spp] };
+        Method::resolve(&args.method, origin)
+    };
+    let method = for_spp(args.spp)?;
     let advice = format!("use --spp {} or more, or --transform none", method.transform.window());
     method.check_terms(args.spp as usize, &advice)?;
     let settings = match &resumed {
-        None => settings(args, &method),
+        None => settings(args, method.transform.window(), KeepArg::Window),
         Some(resumed) => resumed.settings(args, &scene, &fingerprint, &method)?,
     };
 
@@ -73,11 +81,7 @@ fn picture(args: &RenderArgs) -> Result<(), Error> {
     bar.finish_and_clear();
     let samples = *rendering.batch.sample_counts().last().expect("a rendering has a term");
     // Another network, or none, may be the one for fewer samples.
-    let method = if samples == args.spp {
-        method
-    } else {
-        Method::resolve(&args.method, &fingerprint, &[samples])?
-    };
+    let method = if samples == args.spp { method } else { for_spp(samples)? };
 
     let mut estimates = Estimates::default();
     timed(&mut watch.transform, || method.transform.apply(&rendering.batch, &mut estimates))?;
@@ -144,21 +148,17 @@ fn write_sequence(
     Ok(writer.finish()?)
 }
 
-/// Renders `runs` times with all terms kept, straight to a file.
+/// Renders `runs` times, straight to a file.
 fn dataset(args: &RenderArgs, runs: u32) -> Result<(), Error> {
     let scene = load_scene(args, None)?;
     let path = args.output(&scene.name)?;
-    let settings = RenderSettings {
-        spp: args.spp,
-        sampler: args.sampler.map_or_else(Default::default, Into::into),
-        seed: args.seed.unwrap_or_default(),
-        keep: Keep::All,
-    };
+    let settings = settings(args, DEFAULT_WINDOW, KeepArg::All);
+    let sample_counts = settings.keep.sample_counts(args.spp);
     let info = DatasetInfo {
         size: scene.size,
         channels: 3,
         runs,
-        sample_counts: (1..=args.spp).collect(),
+        sample_counts: sample_counts.clone(),
         scene: scene.fingerprint(),
         sampler: settings.sampler.name().to_owned(),
         first_seed: Some(settings.seed),
@@ -177,7 +177,7 @@ fn dataset(args: &RenderArgs, runs: u32) -> Result<(), Error> {
         let seed = settings.seed.wrapping_add(u64::from(run));
         let rendering = render_from(None, &scene, &RenderSettings { seed, ..settings }, control)?;
         // A run that Ctrl-C has cut short is left out.
-        if rendering.batch.sample_counts().len() < args.spp as usize {
+        if rendering.batch.sample_counts() != sample_counts {
             break;
         }
         writer.push(&rendering.batch)?;
@@ -201,16 +201,17 @@ fn dataset(args: &RenderArgs, runs: u32) -> Result<(), Error> {
     Ok(())
 }
 
-fn settings(args: &RenderArgs, method: &Method) -> RenderSettings {
-    let window = method.transform.window().max(DEFAULT_WINDOW) as u32;
+/// `keep` is what `--keep` is without being given.
+fn settings(args: &RenderArgs, window: usize, keep: KeepArg) -> RenderSettings {
+    let window = window.max(DEFAULT_WINDOW) as u32;
     RenderSettings {
         spp: args.spp,
         sampler: args.sampler.map_or_else(Default::default, Into::into),
         seed: args.seed.unwrap_or_default(),
-        keep: match args.keep {
-            Some(KeepArg::All) => Keep::All,
-            Some(KeepArg::Pow2) => Keep::Pow2(window),
-            Some(KeepArg::Window) | None => Keep::Window(window),
+        keep: match args.keep.unwrap_or(keep) {
+            KeepArg::All => Keep::All,
+            KeepArg::Pow2 => Keep::Pow2(window),
+            KeepArg::Window => Keep::Window(window),
         },
     }
 }

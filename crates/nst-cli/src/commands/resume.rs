@@ -21,7 +21,7 @@ pub(crate) struct Resumed {
     path: PathBuf,
     pub(crate) info: SequenceInfo,
     how: ResumeInfo,
-    sampler: SamplerKind,
+    pub(crate) sampler: SamplerKind,
     seed: u64,
 }
 

@@ -9,7 +9,7 @@ use super::set_threads;
 use crate::{
     args::TransformArgs,
     error::Error,
-    method::Method,
+    method::{Method, Origin},
     summary::{LaneCounts, Stopwatch, timed},
 };
 
@@ -18,7 +18,8 @@ pub(crate) fn run(args: &TransformArgs) -> Result<(), Error> {
     let mut watch = Stopwatch::start();
     let mut reader = timed(&mut watch.io, || SequenceReader::open(&args.sequence))?;
     let info = reader.info().clone();
-    let method = Method::resolve(&args.method, &info.scene, &info.sample_counts)?;
+    let origin = Origin { scene: &info.scene, sampler: &info.sampler, counts: &info.sample_counts };
+    let method = Method::resolve(&args.method, origin)?;
     let advice = format!(
         "store more of them in '{}' with 'nst render --keep all', or use --transform none",
         args.sequence.display()

@@ -6,14 +6,14 @@ use std::{
 };
 
 use nst_core::{Estimates, metrics};
-use nst_render::{Keep, RenderSettings, Scene, film, output::OutputFile, render};
+use nst_render::{Keep, RenderSettings, SamplerKind, Scene, film, output::OutputFile, render};
 use serde::Serialize;
 
 use crate::{
     args::{BenchSceneArgs, TransformArg},
     commands::set_threads,
     error::Error,
-    method::{DEFAULT_WINDOW, Method},
+    method::{DEFAULT_WINDOW, Method, Origin},
     summary::timed,
 };
 
@@ -41,6 +41,7 @@ pub(super) fn run(args: &BenchSceneArgs) -> Result<(), Error> {
     let (size, reference) = film::read_exr_layer(&args.reference, "")?;
     scene.size = size;
     let fingerprint = scene.fingerprint();
+    let sampler = SamplerKind::default();
 
     let csv_error = |source| Error::Csv { path: args.output.clone(), source };
     let mut output = OutputFile::create(&args.output)?;
@@ -48,9 +49,10 @@ pub(super) fn run(args: &BenchSceneArgs) -> Result<(), Error> {
     // MSE summed over the runs, by method and sample count.
     let mut sums: BTreeMap<(String, u32), f64> = BTreeMap::new();
     for &spp in &args.spp {
+        let origin = Origin { scene: &fingerprint, sampler: sampler.name(), counts: &[spp] };
         let transforms = [TransformArg::None].iter().chain(&args.transform);
         let methods = transforms
-            .map(|&transform| Method::named(transform, args.backend, &fingerprint, &[spp]))
+            .map(|&transform| Method::named(transform, args.backend, origin))
             .collect::<Result<Vec<_>, _>>()?;
         for method in &methods {
             method.check_terms(spp as usize, "leave this sample count out of --spp")?;
@@ -58,12 +60,7 @@ pub(super) fn run(args: &BenchSceneArgs) -> Result<(), Error> {
         let window = methods.iter().map(|m| m.transform.window()).fold(DEFAULT_WINDOW, usize::max);
         for run in 0..args.runs {
             let seed = args.seed + u64::from(run);
-            let settings = RenderSettings {
-                spp,
-                sampler: Default::default(),
-                seed,
-                keep: Keep::Window(window as u32),
-            };
+            let settings = RenderSettings { spp, sampler, seed, keep: Keep::Window(window as u32) };
             let rendering = render(&scene, &settings, &|_| {})?;
             for (i, method) in methods.iter().enumerate() {
                 // `auto` may stand for a method that is here already.

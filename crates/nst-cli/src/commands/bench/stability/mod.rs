@@ -18,7 +18,7 @@ use crate::{
     args::{BackendArg, BenchStabilityArgs, TransformArg},
     commands::set_threads,
     error::Error,
-    method::Method,
+    method::{Method, Origin},
 };
 
 use regimes::{REGIMES, Regime, window};
@@ -135,7 +135,7 @@ fn rows(effort: &Effort) -> Result<Vec<Row>, Error> {
         .into_iter()
         .chain(methods)
         .chain(networks)
-        .map(|transform| Method::named(transform, BackendArg::Cpu, "", &[]))
+        .map(|transform| Method::named(transform, BackendArg::Cpu, Origin::default()))
         .collect::<Result<Vec<_>, _>>()?;
 
     let sample = cost_sample(effort.cost_lanes);
@@ -343,7 +343,7 @@ mod tests {
     fn named(name: &'static str) -> Result<Method, Error> {
         let none = name == "none";
         let transform = if none { TransformArg::None } else { TransformArg::Method(name) };
-        Method::named(transform, BackendArg::Cpu, "", &[])
+        Method::named(transform, BackendArg::Cpu, Origin::default())
     }
 
     #[test]

@@ -1,0 +1,85 @@
+"""Copies the weights of finished runs to weights/, and rewrites the table in weights/README.md.
+
+    python -m nst_train.publish runs gaussian step plane-lambert …
+
+The table's numbers are those of docs/paper/NAME.csv, which `nst_train.figures --runs` copies.
+"""
+
+import argparse
+import re
+import shutil
+import sys
+from pathlib import Path
+
+from nst_train import weights
+from nst_train.errors import UserError
+from nst_train.figures import PAPER, Metrics, digits, replace_block
+from nst_train.renders import REPOSITORY
+
+WEIGHTS = REPOSITORY / "weights"
+TABLE = "networks"
+NS = (8, 16, 32)
+SETTING = re.compile(r"^# The (\w+) setting was used\.$", re.MULTILINE)
+
+
+def copy(runs: Path, names: list[str], folder: Path) -> None:
+    """All of them or, if one is missing or damaged, none."""
+    for name in names:
+        weights.load(runs / name / f"{name}.safetensors")
+    for name in names:
+        shutil.copyfile(runs / name / f"{name}.safetensors", folder / f"{name}.safetensors")
+
+
+def table(folder: Path, paper: Path) -> str:
+    """One row per network and held-out set."""
+    metrics = Metrics(paper)
+    lines = [
+        "| name | trained on | widths | loss | epochs | setting | scored on | "
+        + " | ".join(f"n = {n}" for n in NS)
+        + " |",
+        "|---" * (7 + len(NS)) + "|",
+    ]
+    for path in sorted(folder.glob("*.safetensors")):
+        model, metadata = weights.load(path)
+        widths = "-".join(str(layer.in_features) for layer in model.layers) + "-1"
+        setting = SETTING.search(metadata["config"])
+        trained_on = metadata["trained_on"].replace(",", ", ")
+        if "sampler" in metadata:
+            trained_on += f", {metadata['sampler']}"
+        network = f"| `{path.stem}` | {trained_on} | {widths} | {metadata['loss']} | "
+        network += f"{metadata['epochs']} | {setting[1] if setting else '–'} | "
+        scored = [None]
+        if (paper / f"{path.stem}.csv").is_file():
+            scored = list(dict.fromkeys(row["data"] for row in metrics.rows(path.stem)))
+        for data in scored:
+            cells = ["–"] * len(NS)
+            if data is not None:
+                cells = [metrics.ratio(path.stem, data, "T", n) for n in NS]
+            lines.append(f"{network}{data or '–'} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """`argv` is for tests; without it, the command line. Returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m nst_train.publish", description=__doc__)
+    parser.add_argument("runs", type=Path, help="folder of run folders")
+    parser.add_argument("names", nargs="*", help="networks to copy; without any, only the table")
+    parser.add_argument("--weights", type=Path, default=WEIGHTS, help="[default: weights]")
+    parser.add_argument("--paper", type=Path, default=PAPER, help="[default: docs/paper]")
+    a = parser.parse_args(argv)
+    try:
+        copy(a.runs, a.names, a.weights)
+        page = a.weights / "README.md"
+        text = page.read_text(encoding="utf-8")
+        page.write_text(
+            replace_block(text, TABLE, table(a.weights, a.paper), page), encoding="utf-8"
+        )
+    except (UserError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    print(f"{len(a.names)} networks copied; list new ones in crates/nst-core/src/network.rs, BUILTIN")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
