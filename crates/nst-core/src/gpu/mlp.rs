@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use ndarray::{ArrayView2, s};
+use ndarray::ArrayView2;
 use wgpu::util::DeviceExt;
 
 use super::Gpu;
-use crate::{Error, Estimates, Layer, Network, SequenceBatch, Status, Transform};
+use crate::{Error, Estimates, Layer, Network, SequenceBatch, Status, Transform, transform::Active};
 
 const SHADER: &str = include_str!("mlp.wgsl");
 
@@ -111,8 +111,15 @@ impl MlpGpu {
     }
 
     /// Evaluates the network on a chunk of lanes, `[term][lane]`.
-    fn run_chunk(&self, buffers: &Buffers, window: ArrayView2<'_, f32>) -> Result<Vec<f32>, Error> {
-        let lanes = window.ncols();
+    fn run_chunk(
+        &self,
+        buffers: &Buffers,
+        window: ArrayView2<'_, f32>,
+        active: &Active,
+        first: usize,
+        out: &mut [f32],
+    ) -> Result<(), Error> {
+        let lanes = out.len();
         let bytes = (lanes * size_of::<f32>()) as u64;
         let Gpu { device, queue, .. } = &self.gpu;
 
@@ -123,9 +130,11 @@ impl MlpGpu {
             negative_slope: self.network.metadata().negative_slope,
         };
         queue.write_buffer(&buffers.params, 0, bytemuck::bytes_of(&params));
-        for (t, row) in window.rows().into_iter().enumerate() {
-            let row = row.to_slice().expect("a lane range of one term is contiguous");
-            queue.write_buffer(&buffers.terms, t as u64 * bytes, bytemuck::cast_slice(row));
+        for (t, term) in window.rows().into_iter().enumerate() {
+            let term = term.to_slice().expect("a term of all lanes is contiguous");
+            // `out` holds the row on its way.
+            active.gather(term, first, out);
+            queue.write_buffer(&buffers.terms, t as u64 * bytes, bytemuck::cast_slice(out));
         }
         // A lane that the shader failed to write must not look like a result.
         let poison = vec![f32::NAN; lanes];
@@ -148,10 +157,10 @@ impl MlpGpu {
             .staging
             .get_mapped_range(0..bytes)
             .map_err(|error| Error::Gpu(format!("{}: {error}", self.gpu.name)))?;
-        let estimates = bytemuck::pod_collect_to_vec(&view[..]);
+        bytemuck::cast_slice_mut(out).copy_from_slice(&view[..]);
         drop(view);
         buffers.staging.unmap();
-        Ok(estimates)
+        Ok(())
     }
 }
 
@@ -165,15 +174,17 @@ impl Transform for MlpGpu {
             out.fall_back(batch, Status::TooShort);
             return Ok(());
         };
-        let chunk = batch.lanes().min(self.max_chunk as usize);
-        let buffers = Buffers::new(self, chunk);
-        let mut raw = Vec::with_capacity(batch.lanes());
-        for first in (0..batch.lanes()).step_by(chunk) {
-            let end = (first + chunk).min(batch.lanes());
-            raw.extend(self.run_chunk(&buffers, window.slice(s![.., first..end]))?);
-        }
-        out.accept(window, raw);
-        Ok(())
+        out.transform_active(window, |active, out| {
+            let chunk = out.len().min(self.max_chunk as usize);
+            if chunk == 0 {
+                return Ok(());
+            }
+            let buffers = Buffers::new(self, chunk);
+            for (i, out) in out.chunks_mut(chunk).enumerate() {
+                self.run_chunk(&buffers, window, active, i * chunk, out)?;
+            }
+            Ok(())
+        })
     }
 }
 
