@@ -1,7 +1,9 @@
 //! Which transformation a command line stands for, and on what it runs.
 
+use std::{ops::Deref, sync::Arc};
+
 use nst_core::{
-    BUILTIN, Identity, MlpCpu, Network, Transform,
+    BUILTIN, Error as CoreError, Identity, MlpCpu, Network, Transform,
     gpu::{AdapterKind, Gpu, MlpGpu},
     methods::method,
 };
@@ -9,6 +11,7 @@ use nst_core::{
 use crate::{
     args::{BackendArg, MethodArgs, TransformArg},
     error::Error,
+    fallback::{self, Fallback},
 };
 
 /// Terms that a rendering keeps where no network asks for a number.
@@ -22,11 +25,28 @@ pub(crate) struct Method {
     pub(crate) name: String,
     /// Why it was chosen, in words for the summary.
     pub(crate) reason: String,
-    /// `cpu` or `gpu`.
-    pub(crate) backend: &'static str,
     /// The GPU's name.
-    pub(crate) adapter: Option<String>,
-    pub(crate) transform: Box<dyn Transform>,
+    adapter: Option<String>,
+    pub(crate) transform: Runner,
+}
+
+/// What runs a transformation.
+pub(crate) enum Runner {
+    /// The CPU, or the GPU alone.
+    One(Box<dyn Transform>),
+    /// The GPU until it fails.
+    Either(Fallback),
+}
+
+impl Deref for Runner {
+    type Target = dyn Transform;
+
+    fn deref(&self) -> &Self::Target {
+        match self {
+            Self::One(transform) => &**transform,
+            Self::Either(fallback) => fallback,
+        }
+    }
 }
 
 impl Method {
@@ -81,6 +101,19 @@ impl Method {
         Ok(())
     }
 
+    /// The GPU that the transformation ran on, if it did not fail.
+    pub(crate) fn adapter(&self) -> Option<&str> {
+        match &self.transform {
+            Runner::Either(fallback) if fallback.failed() => None,
+            _ => self.adapter.as_deref(),
+        }
+    }
+
+    /// `cpu` or `gpu`.
+    pub(crate) fn backend(&self) -> &'static str {
+        if self.adapter().is_some() { "gpu" } else { "cpu" }
+    }
+
     fn none(reason: impl Into<String>) -> Self {
         Self::on_cpu("none", reason, Box::new(Identity))
     }
@@ -89,9 +122,8 @@ impl Method {
         Self {
             name: name.to_owned(),
             reason: reason.into(),
-            backend: "cpu",
             adapter: None,
-            transform,
+            transform: Runner::One(transform),
         }
     }
 
@@ -101,27 +133,33 @@ impl Method {
         network: Network,
         backend: BackendArg,
     ) -> Result<Self, Error> {
+        let network = Arc::new(network);
         let on_gpu = |kind| {
             let gpu = Gpu::open(kind)?;
             let adapter = gpu.name().to_owned();
-            MlpGpu::new(gpu, network.clone()).map(|mlp| (adapter, mlp))
+            MlpGpu::new(gpu, Arc::clone(&network)).map(|mlp| (adapter, mlp))
         };
-        let gpu = match backend {
-            BackendArg::Cpu => None,
-            BackendArg::Gpu => Some(on_gpu(AdapterKind::Any).map_err(Error::Gpu)?),
-            BackendArg::Auto => on_gpu(AdapterKind::Hardware).ok(),
+        let on_cpu = || MlpCpu::new(Arc::clone(&network));
+        let (adapter, transform) = match backend {
+            BackendArg::Cpu => (None, Runner::One(Box::new(on_cpu()))),
+            BackendArg::Gpu => {
+                let (adapter, mlp) = on_gpu(AdapterKind::Any).map_err(Error::Gpu)?;
+                (Some(adapter), Runner::One(Box::new(mlp)))
+            }
+            BackendArg::Auto => match on_gpu(AdapterKind::Hardware) {
+                Ok((adapter, mlp)) => {
+                    (Some(adapter), Runner::Either(Fallback::new(mlp, on_cpu())))
+                }
+                Err(error) => {
+                    // A machine without a GPU is nothing to warn of.
+                    if !matches!(error, CoreError::NoAdapter(_)) {
+                        fallback::warn(&error);
+                    }
+                    (None, Runner::One(Box::new(on_cpu())))
+                }
+            },
         };
-        let (adapter, transform): (_, Box<dyn Transform>) = match gpu {
-            Some((adapter, mlp)) => (Some(adapter), Box::new(mlp)),
-            None => (None, Box::new(MlpCpu::new(network))),
-        };
-        Ok(Self {
-            name: name.into(),
-            reason: reason.into(),
-            backend: if adapter.is_some() { "gpu" } else { "cpu" },
-            adapter,
-            transform,
-        })
+        Ok(Self { name: name.into(), reason: reason.into(), adapter, transform })
     }
 }
 
