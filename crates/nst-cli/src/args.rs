@@ -433,9 +433,10 @@ fn size(text: &str) -> Result<[u32; 2], String> {
 }
 
 fn shape(text: &str) -> Result<Shape, String> {
-    let [layers, hidden] = size(text).ok().filter(|shape| shape.iter().all(|&x| x <= 4096)).ok_or(
-        "a shape is hidden layers × neurons, as in 4x256, each from 1 to 4096",
-    )?;
+    let [layers, hidden] = size(text)
+        .ok()
+        .filter(|shape| shape.iter().all(|&x| x <= 4096))
+        .ok_or("a shape is hidden layers × neurons, as in 4x256, each from 1 to 4096")?;
     Ok(Shape { layers: layers as usize, hidden: hidden as usize })
 }
 

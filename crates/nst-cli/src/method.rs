@@ -147,9 +147,7 @@ impl Method {
                 (Some(adapter), Runner::One(Box::new(mlp)))
             }
             BackendArg::Auto => match on_gpu(AdapterKind::Hardware) {
-                Ok((adapter, mlp)) => {
-                    (Some(adapter), Runner::Either(Fallback::new(mlp, on_cpu())))
-                }
+                Ok((adapter, mlp)) => (Some(adapter), Runner::Either(Fallback::new(mlp, on_cpu()))),
                 Err(error) => {
                     // A machine without a GPU is nothing to warn of.
                     if !matches!(error, CoreError::NoAdapter(_)) {

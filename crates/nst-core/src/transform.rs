@@ -104,13 +104,11 @@ impl Estimates {
         let (terms, lanes) = window.dim();
         let window = window.to_slice().expect("a window is a run of whole rows");
         let (values, status) = self.reset(lanes);
-        values
-            .par_chunks_mut(CLASSIFY)
-            .zip(status.par_chunks_mut(CLASSIFY))
-            .enumerate()
-            .for_each(|(i, (values, status))| {
+        values.par_chunks_mut(CLASSIFY).zip(status.par_chunks_mut(CLASSIFY)).enumerate().for_each(
+            |(i, (values, status))| {
                 classify(window, terms, lanes, i * CLASSIFY, values, status);
-            });
+            },
+        );
         let active = Active::new(status);
         let last = &window[(terms - 1) * lanes..];
         match &active {
@@ -260,7 +258,7 @@ mod tests {
             active.gather(window.row(1).as_slice().expect("one row"), 0, &mut terms);
             assert_eq!(terms, [2.0, 2.0]);
             out.copy_from_slice(&[9.0, nan]);
-            Ok(())
+            Result::Ok(())
         });
         assert!(seen.is_ok());
         assert_eq!(out.values(), [9.0, 0.5, 3.0, 2.0, inf]);

@@ -3,7 +3,6 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ndarray::ArrayView2;
-use wgpu::util::DeviceExt;
 
 use super::{
     Gpu,
@@ -18,8 +17,8 @@ const MAX_CHUNK: u64 = 1 << 18;
 /// How [`MlpGpu`] is to evaluate a network.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GpuOptions {
-    /// [`Kernel::best`] if `None`.
-    pub kernel: Option<Kernel>,
+    /// The shader.
+    pub kernel: Kernel,
     /// Of the weights.
     pub precision: Precision,
 }
@@ -61,8 +60,7 @@ impl MlpGpu {
         options: GpuOptions,
     ) -> Result<Self, Error> {
         let network = network.into();
-        let kernel = options.kernel.unwrap_or_else(|| Kernel::best(&gpu, &network));
-        let variant = Variant::new(&gpu, &network, kernel)?;
+        let variant = Variant::new(&gpu, &network, options.kernel)?;
         if options.precision == Precision::F16 && !gpu.has_f16() {
             return Err(Error::Gpu(format!("{}: it has no f16", gpu.name)));
         }
@@ -96,12 +94,16 @@ impl MlpGpu {
             cache: None,
         });
         let (table, packed) = pack(&network);
-        let upload = |label, contents| {
-            device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        // Not `create_buffer_init`, which panics if the device is lost.
+        let upload = |label, contents: &[u8]| {
+            let buffer = device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),
-                contents,
-                usage: wgpu::BufferUsages::STORAGE,
-            })
+                size: contents.len() as u64,
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            });
+            gpu.queue.write_buffer(&buffer, 0, contents);
+            buffer
         };
         let limits = device.limits();
         let most_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
@@ -126,7 +128,16 @@ impl MlpGpu {
             return Err(too_small());
         }
         let buffers = Mutex::default();
-        Ok(Self { gpu, network, pipeline, layers, weights, lanes_per_workgroup, max_chunk, buffers })
+        Ok(Self {
+            gpu,
+            network,
+            pipeline,
+            layers,
+            weights,
+            lanes_per_workgroup,
+            max_chunk,
+            buffers,
+        })
     }
 
     /// Uploads active lanes `first ..` and has them evaluated; `scratch` has their number.
@@ -279,5 +290,38 @@ impl Buffers {
             entries: &entries,
         });
         Self { lanes, params, terms, estimates, staging, bind_group, submission: None }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::AdapterKind;
+
+    /// Skipped where there is no adapter, as `NST_GPU` allows.
+    #[test]
+    fn a_shader_that_does_not_compile_is_an_error() {
+        let gpu = match std::env::var("NST_GPU").as_deref() {
+            Ok("off") => return,
+            Ok("require") => Gpu::open(AdapterKind::Any).expect("NST_GPU=require"),
+            _ => match Gpu::open(AdapterKind::Any) {
+                Ok(gpu) => gpu,
+                Err(_) => return,
+            },
+        };
+        let network = Network::builtin("families").expect("it is in the crate");
+        let network = Arc::new(network.expect("it is readable"));
+        let compile = |gpu: &Gpu, source: String| {
+            let variant = Variant::new(gpu, &network, Kernel::Tiled).expect("it fits");
+            MlpGpu::compile(gpu.clone(), Arc::clone(&network), &variant, Precision::F32, source)
+        };
+        let variant = Variant::new(&gpu, &network, Kernel::Tiled).expect("it fits");
+        let right = variant.source(Precision::F32);
+        assert!(compile(&gpu, right.clone()).is_ok());
+        for (good, bad) in [("leaky_relu", "leaky_rule"), ("params.lanes", "params.lane")] {
+            let gpu = Gpu::open(AdapterKind::Any).expect("it opened before");
+            let error = compile(&gpu, right.replacen(good, bad, 1)).expect_err(bad);
+            assert!(matches!(error, Error::Gpu(_)), "{error}");
+        }
     }
 }

@@ -1,5 +1,5 @@
-// The network as its definition says, one lane per invocation: what the other
-// kernels are compared with.
+// The network as its definition says, one lane per invocation: what the tiled
+// kernel is compared with.
 
 override LANES: u32 = 64;
 const WIDTH: u32 = 256;

@@ -8,50 +8,34 @@ use crate::{Error, Layer, Network};
 
 const COMMON: &str = include_str!("common.wgsl");
 
-/// `THREADS` of `tiled.wgsl`: blocks of four neurons, so no layer may be wider than 256.
+/// Invocations per workgroup of `tiled.wgsl`, and the most blocks of four neurons: no
+/// layer may be wider than 256.
 const THREADS: u32 = 64;
 /// `LANES_PER_GROUP` of `tiled.wgsl`.
 const LANES_PER_GROUP: u32 = 16;
-/// Bytes of workgroup memory that `tiled.wgsl` takes.
-const TILED_BYTES: u32 = 16 << 10;
+/// Bytes of workgroup memory that `tiled.wgsl` takes per invocation.
+const TILED_BYTES: u32 = 4 * 4 * LANES_PER_GROUP;
 /// `WIDTH` of `naive.wgsl`.
 const NAIVE_WIDTH: u32 = 256;
 /// `LANES` of `naive.wgsl`.
 const NAIVE_LANES: u32 = 64;
-/// The most and the fewest invocations per workgroup of `lanes.wgsl`: fewer than the
-/// lanes of a vector unit would leave some of them idle.
-const MOST_LANES: u32 = 64;
-const FEWEST_LANES: u32 = 8;
-
-/// A way to evaluate a network in WGSL; all give the same results but for rounding.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A way to evaluate a network in WGSL; both give the same results but for rounding.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Kernel {
-    /// One lane per invocation in private arrays: what the others are measured by.
-    Naive,
-    /// One lane per invocation in workgroup memory: for software adapters.
-    Lanes,
-    /// Tiles of 4 neurons × 16 lanes per invocation: for GPUs.
+    /// Tiles of 4 neurons × 16 lanes per invocation; activations in workgroup memory.
+    #[default]
     Tiled,
+    /// One lane per invocation, in private arrays: what the other is measured by.
+    Naive,
 }
 
 impl Kernel {
-    /// The kernel for this adapter and network, when nothing else is asked for.
-    #[must_use]
-    pub fn best(gpu: &Gpu, network: &Network) -> Self {
-        if gpu.is_software() && Variant::new(gpu, network, Self::Lanes).is_ok() {
-            Self::Lanes
-        } else {
-            Self::Tiled
-        }
-    }
-
-    /// `naive`, `lanes` or `tiled`.
+    /// `tiled` or `naive`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::Naive => "naive",
-            Self::Lanes => "lanes",
             Self::Tiled => "tiled",
+            Self::Naive => "naive",
         }
     }
 }
@@ -91,9 +75,8 @@ impl Variant {
         let widest = network.layers().iter().map(Layer::outputs).fold(window, usize::max) as u32;
         let limits = gpu.device.limits();
         let memory = limits.max_compute_workgroup_storage_size;
-        let most = limits
-            .max_compute_invocations_per_workgroup
-            .min(limits.max_compute_workgroup_size_x);
+        let most =
+            limits.max_compute_invocations_per_workgroup.min(limits.max_compute_workgroup_size_x);
         let refuse = |why: String| {
             let shape = network.shape();
             Err(Error::Gpu(format!("{}: cannot run a network of {shape}: {why}", gpu.name)))
@@ -107,36 +90,23 @@ impl Variant {
                 let constants = vec![("LANES", f64::from(lanes))];
                 Ok(Self { kernel, constants, lanes_per_workgroup: lanes })
             }
-            Kernel::Lanes => {
-                let width = widest.next_multiple_of(8);
-                let bytes_per_lane = 2 * 4 * width;
-                let lanes = (memory / bytes_per_lane).min(most).min(MOST_LANES);
-                if lanes < FEWEST_LANES {
-                    return refuse(format!(
-                        "it has {memory} bytes of workgroup memory and {most} invocations, \
-                         where {} and {FEWEST_LANES} are needed",
-                        FEWEST_LANES * bytes_per_lane
-                    ));
-                }
-                let lanes = 1 << lanes.ilog2();
-                let constants =
-                    vec![("LANES", f64::from(lanes)), ("WIDTH", f64::from(width))];
-                Ok(Self { kernel, constants, lanes_per_workgroup: lanes })
-            }
             Kernel::Tiled => {
                 let blocks = widest.div_ceil(4).next_power_of_two();
                 if blocks > THREADS {
                     return refuse(format!("the kernel takes widths of up to {}", 4 * THREADS));
                 }
-                if memory < TILED_BYTES || most < THREADS {
+                // A software adapter has no warps to fill, and is faster with uniform loads.
+                let groups = if gpu.is_software() { 1 } else { THREADS / blocks };
+                let threads = blocks * groups;
+                if memory < TILED_BYTES * threads || most < threads {
                     return refuse(format!(
                         "it has {memory} bytes of workgroup memory and {most} invocations, \
-                         where {TILED_BYTES} and {THREADS} are needed"
+                         where {} and {threads} are needed",
+                        TILED_BYTES * threads
                     ));
                 }
-                let constants = vec![("BLOCKS", f64::from(blocks))];
-                let lanes_per_workgroup = LANES_PER_GROUP * THREADS / blocks;
-                Ok(Self { kernel, constants, lanes_per_workgroup })
+                let constants = vec![("BLOCKS", f64::from(blocks)), ("GROUPS", f64::from(groups))];
+                Ok(Self { kernel, constants, lanes_per_workgroup: LANES_PER_GROUP * groups })
             }
         }
     }
@@ -153,7 +123,6 @@ fn source(kernel: Kernel, precision: Precision) -> String {
     };
     let kernel = match kernel {
         Kernel::Naive => include_str!("naive.wgsl"),
-        Kernel::Lanes => include_str!("lanes.wgsl"),
         Kernel::Tiled => include_str!("tiled.wgsl"),
     };
     [head, COMMON, kernel].join("\n")
@@ -221,7 +190,7 @@ mod tests {
 
     use super::*;
 
-    const KERNELS: [Kernel; 3] = [Kernel::Naive, Kernel::Lanes, Kernel::Tiled];
+    const KERNELS: [Kernel; 2] = [Kernel::Tiled, Kernel::Naive];
 
     fn module(kernel: Kernel, precision: Precision) -> naga::Module {
         let source = source(kernel, precision);
@@ -310,8 +279,7 @@ mod tests {
                 Some((constant.name.clone()?, value))
             })
             .collect();
-        for (name, value) in [("THREADS", THREADS), ("LANES_PER_GROUP", LANES_PER_GROUP)] {
-            assert!(constants.contains(&(name.to_owned(), value)), "{name}: {constants:?}");
-        }
+        let lanes = ("LANES_PER_GROUP".to_owned(), LANES_PER_GROUP);
+        assert!(constants.contains(&lanes), "{constants:?}");
     }
 }

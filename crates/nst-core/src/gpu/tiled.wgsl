@@ -2,27 +2,28 @@
 // i = 0 … L−1: a ← leaky_relu(W_i a + b_i), without the activation after the last one.
 //
 // A thread owns 4 neurons × 16 lanes, whose sums stay in registers. BLOCKS
-// threads make up the widest layer of one group of 16 lanes, and 64 / BLOCKS
-// such groups share a workgroup: its activations always take 16 KiB, the least
-// that WebGPU guarantees.
+// threads make up the widest layer of one group of 16 lanes, and GROUPS such groups
+// share a workgroup. On a GPU, BLOCKS · GROUPS is 64: activations take 16 KiB, the
+// least that WebGPU guarantees.
 
-const THREADS: u32 = 64;
 const LANES_PER_GROUP: u32 = 16;
 
-// Blocks of four neurons in the widest layer: a power of two, at most THREADS.
+// Blocks of four neurons in the widest layer: a power of two, at most 64.
 override BLOCKS: u32 = 64;
+override GROUPS: u32 = 1;
 
 // [group of 16 lanes][neuron][lanes / 4]
-var<workgroup> activations: array<vec4<f32>, 1024>;
+var<workgroup> activations: array<vec4<f32>, BLOCKS * GROUPS * LANES_PER_GROUP>;
 
-@compute @workgroup_size(THREADS)
+@compute @workgroup_size(BLOCKS * GROUPS)
 fn transform(
     @builtin(workgroup_id) workgroup: vec3<u32>,
     @builtin(local_invocation_index) thread: u32,
 ) {
     let block = thread % BLOCKS;
-    let group = thread / BLOCKS;
-    let first_lane = (workgroup.x * (THREADS / BLOCKS) + group) * LANES_PER_GROUP;
+    // That one group needs no division lets compilers see that its loads are uniform.
+    let group = select(thread / BLOCKS, 0u, GROUPS == 1u);
+    let first_lane = (workgroup.x * GROUPS + group) * LANES_PER_GROUP;
     let base = group * BLOCKS * 16u;
 
     for (var i = block; i < params.window * 4u; i += BLOCKS) {

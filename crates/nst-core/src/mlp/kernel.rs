@@ -119,12 +119,7 @@ fn numbers_mut(lines: &mut [Line]) -> &mut [f32] {
 
 /// Evaluates the network on the first `panels` panels of `tile`.
 #[inline(always)]
-pub(super) fn evaluate<V: Vector>(
-    packed: &Packed,
-    window: usize,
-    tile: &mut Tile,
-    panels: usize,
-) {
+pub(super) fn evaluate<V: Vector>(packed: &Packed, window: usize, tile: &mut Tile, panels: usize) {
     let lanes = panel::<V>();
     let Tile { front, back } = tile;
     assert!(packed.widest(window) * lanes * panels <= 16 * front.len().min(back.len()));
@@ -169,12 +164,7 @@ pub(super) fn evaluate<V: Vector>(
 /// `output` for `ROWS` rows; both are aligned to vectors, and they do not overlap.
 #[allow(unsafe_code)]
 #[inline(always)]
-unsafe fn block<V: Vector>(
-    weights: &[f32],
-    input: *const f32,
-    slope: f32,
-    output: *mut f32,
-) {
+unsafe fn block<V: Vector>(weights: &[f32], input: *const f32, slope: f32, output: *mut f32) {
     let (weights, _) = weights.as_chunks::<ROWS>();
     let mut sums = [[V::splat(0.0); COLUMNS]; ROWS];
     for (sums, &bias) in sums.iter_mut().zip(&weights[0]) {
@@ -211,11 +201,7 @@ unsafe fn block<V: Vector>(
 /// As for [`block`], with one row of output.
 #[allow(unsafe_code)]
 #[inline(always)]
-unsafe fn last<V: Vector>(
-    weights: &[f32],
-    input: *const f32,
-    output: *mut f32,
-) {
+unsafe fn last<V: Vector>(weights: &[f32], input: *const f32, output: *mut f32) {
     let mut sums = [[V::splat(0.0); COLUMNS]; 4];
     sums[0] = [V::splat(weights[0]); COLUMNS];
     let (fours, rest) = weights[1..].as_chunks::<4>();

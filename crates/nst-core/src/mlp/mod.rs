@@ -13,9 +13,9 @@ use ndarray::ArrayView2;
 use crate::{Error, Estimates, Network, SequenceBatch, Status, Transform, transform::Active};
 use kernel::{Packed, Tile, evaluate, panel};
 pub use vector::Instructions;
-use vector::{Four, Vector};
 #[cfg(target_arch = "x86_64")]
 use vector::{Eight, Sixteen};
+use vector::{Four, Vector};
 
 /// Lanes per tile, whole panels of any vector: 64 KiB of activations for a 256-wide
 /// layer, of which the half that is being read stays in the L1 cache panel by panel.
@@ -46,10 +46,7 @@ impl MlpCpu {
     /// # Panics
     /// If the processor lacks them.
     #[must_use]
-    pub fn with_instructions(
-        network: impl Into<Arc<Network>>,
-        instructions: Instructions,
-    ) -> Self {
+    pub fn with_instructions(network: impl Into<Arc<Network>>, instructions: Instructions) -> Self {
         assert!(
             Instructions::available().contains(&instructions),
             "this processor has no {}",

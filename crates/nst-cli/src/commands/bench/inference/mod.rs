@@ -66,10 +66,11 @@ pub(super) fn run(args: &BenchInferenceArgs) -> Result<(), Error> {
     let mut output = args.output.as_deref().map(OutputFile::create).transpose()?;
     let networks = match &args.weights {
         Some(path) => vec![
-            Network::read(path)
-                .map_err(|source| Error::Weights { path: path.clone(), source })?,
+            Network::read(path).map_err(|source| Error::Weights { path: path.clone(), source })?,
         ],
-        None => args.shapes.iter().map(|shape| random_network(shape.layers, shape.hidden)).collect(),
+        None => {
+            args.shapes.iter().map(|shape| random_network(shape.layers, shape.hidden)).collect()
+        }
     };
     let gpu = match args.backend {
         InferenceBackend::Cpu => None,
@@ -130,19 +131,17 @@ fn backends(
         }
     }
     let Some(gpu) = gpu else { return Ok(backends) };
-    let kernels = [Kernel::best(gpu, network)];
-    let all = [Kernel::Naive, Kernel::Lanes, Kernel::Tiled];
-    for &kernel in if args.variants { &all[..] } else { &kernels[..] } {
+    let kernels = [Kernel::Tiled, Kernel::Naive];
+    for &kernel in if args.variants { &kernels[..] } else { &kernels[..1] } {
         for precision in [Precision::F32, Precision::F16] {
             if precision == Precision::F16 && !(args.variants && gpu.has_f16()) {
                 continue;
             }
-            let options = GpuOptions { kernel: Some(kernel), precision };
+            let options = GpuOptions { kernel, precision };
             let mlp = MlpGpu::with_options(gpu.clone(), network.clone(), options);
             let mlp = mlp.map_err(Error::Gpu)?;
             let adapter = format!("{}, {}, {}", gpu.name(), kernel.name(), precision.name());
-            let tolerance =
-                if precision == Precision::F16 { TOLERANCE_F16 } else { TOLERANCE };
+            let tolerance = if precision == Precision::F16 { TOLERANCE_F16 } else { TOLERANCE };
             add("gpu", adapter, tolerance, Box::new(mlp));
         }
     }
