@@ -1,25 +1,25 @@
 //! A network on the GPU for as long as that works, then on the CPU.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{
+    Arc,
+    atomic::{AtomicBool, Ordering},
+};
 
-use nst_core::{Error, Estimates, MlpCpu, SequenceBatch, Transform, gpu::MlpGpu};
+use nst_core::{Error, Estimates, MlpCpu, SequenceBatch, Transform};
 
 /// `gpu` until it fails, then `cpu`, with one warning on stderr. A batch on which the
 /// GPU fails is evaluated anew, so that no result depends on when that was.
-pub(crate) struct Fallback<G = MlpGpu> {
+pub(crate) struct Fallback<G> {
     gpu: G,
     cpu: MlpCpu,
-    failed: AtomicBool,
+    /// Set when the CPU takes over.
+    failed: Arc<AtomicBool>,
 }
 
-impl<G: Transform> Fallback<G> {
-    pub(crate) fn new(gpu: G, cpu: MlpCpu) -> Self {
-        Self { gpu, cpu, failed: AtomicBool::new(false) }
-    }
-
-    /// Whether the CPU has taken over.
-    pub(crate) fn failed(&self) -> bool {
-        self.failed.load(Ordering::Relaxed)
+impl<G> Fallback<G> {
+    /// Sets `failed` when the CPU takes over.
+    pub(crate) fn new(gpu: G, cpu: MlpCpu, failed: Arc<AtomicBool>) -> Self {
+        Self { gpu, cpu, failed }
     }
 }
 
@@ -29,7 +29,7 @@ impl<G: Transform> Transform for Fallback<G> {
     }
 
     fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
-        if !self.failed() {
+        if !self.failed.load(Ordering::Relaxed) {
             match self.gpu.apply(batch, out) {
                 Ok(()) => return Ok(()),
                 Err(error) => warn(&error),
@@ -84,12 +84,13 @@ mod tests {
         cpu.apply(&batch, &mut expected)?;
 
         let breaks = Breaks { cpu: cpu.clone(), calls: Cell::new(0) };
-        let fallback = Fallback::new(breaks, cpu);
+        let has_failed = Arc::new(AtomicBool::new(false));
+        let fallback = Fallback::new(breaks, cpu, Arc::clone(&has_failed));
         for (batch_number, failed) in [(1, false), (2, true), (3, true)] {
             let mut estimates = Estimates::default();
             fallback.apply(&batch, &mut estimates)?;
             assert_eq!(estimates, expected, "batch {batch_number}");
-            assert_eq!(fallback.failed(), failed, "batch {batch_number}");
+            assert_eq!(has_failed.load(Ordering::Relaxed), failed, "batch {batch_number}");
         }
         assert_eq!(fallback.gpu.calls.get(), 2);
         Ok(())

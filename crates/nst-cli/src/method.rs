@@ -1,6 +1,9 @@
 //! Which transformation a command line stands for, and on what it runs.
 
-use std::{ops::Deref, sync::Arc};
+use std::sync::{
+    Arc,
+    atomic::{AtomicBool, Ordering},
+};
 
 use nst_core::{
     BUILTIN, Error as CoreError, Identity, MlpCpu, Network, Transform,
@@ -26,27 +29,10 @@ pub(crate) struct Method {
     /// Why it was chosen, in words for the summary.
     pub(crate) reason: String,
     /// The GPU's name.
-    adapter: Option<String>,
-    pub(crate) transform: Runner,
-}
-
-/// What runs a transformation.
-pub(crate) enum Runner {
-    /// The CPU, or the GPU alone.
-    One(Box<dyn Transform>),
-    /// The GPU until it fails.
-    Either(Fallback),
-}
-
-impl Deref for Runner {
-    type Target = dyn Transform;
-
-    fn deref(&self) -> &Self::Target {
-        match self {
-            Self::One(transform) => &**transform,
-            Self::Either(fallback) => fallback,
-        }
-    }
+    pub(crate) adapter: Option<String>,
+    /// Whether the CPU has taken over from the GPU.
+    pub(crate) gpu_failed: Arc<AtomicBool>,
+    pub(crate) transform: Box<dyn Transform>,
 }
 
 impl Method {
@@ -103,10 +89,8 @@ impl Method {
 
     /// The GPU that the transformation ran on, if it did not fail.
     pub(crate) fn adapter(&self) -> Option<&str> {
-        match &self.transform {
-            Runner::Either(fallback) if fallback.failed() => None,
-            _ => self.adapter.as_deref(),
-        }
+        let failed = self.gpu_failed.load(Ordering::Relaxed);
+        self.adapter.as_deref().filter(|_| !failed)
     }
 
     /// `cpu` or `gpu`.
@@ -123,7 +107,8 @@ impl Method {
             name: name.to_owned(),
             reason: reason.into(),
             adapter: None,
-            transform: Runner::One(transform),
+            gpu_failed: Arc::default(),
+            transform,
         }
     }
 
@@ -139,25 +124,27 @@ impl Method {
             let adapter = gpu.name().to_owned();
             MlpGpu::new(gpu, Arc::clone(&network)).map(|mlp| (adapter, mlp))
         };
-        let on_cpu = || MlpCpu::new(Arc::clone(&network));
-        let (adapter, transform) = match backend {
-            BackendArg::Cpu => (None, Runner::One(Box::new(on_cpu()))),
+        let cpu = MlpCpu::new(Arc::clone(&network));
+        let gpu_failed = Arc::default();
+        let (adapter, transform): (_, Box<dyn Transform>) = match backend {
+            BackendArg::Cpu => (None, Box::new(cpu)),
             BackendArg::Gpu => {
                 let (adapter, mlp) = on_gpu(AdapterKind::Any).map_err(Error::Gpu)?;
-                (Some(adapter), Runner::One(Box::new(mlp)))
+                (Some(adapter), Box::new(mlp))
             }
             BackendArg::Auto => match on_gpu(AdapterKind::Hardware) {
-                Ok((adapter, mlp)) => (Some(adapter), Runner::Either(Fallback::new(mlp, on_cpu()))),
+                Ok((adapter, mlp)) => {
+                    (Some(adapter), Box::new(Fallback::new(mlp, cpu, Arc::clone(&gpu_failed))))
+                }
+                // A machine without a GPU is nothing to warn of.
+                Err(CoreError::NoAdapter(_)) => (None, Box::new(cpu)),
                 Err(error) => {
-                    // A machine without a GPU is nothing to warn of.
-                    if !matches!(error, CoreError::NoAdapter(_)) {
-                        fallback::warn(&error);
-                    }
-                    (None, Runner::One(Box::new(on_cpu())))
+                    fallback::warn(&error);
+                    (None, Box::new(cpu))
                 }
             },
         };
-        Ok(Self { name: name.into(), reason: reason.into(), adapter, transform })
+        Ok(Self { name: name.into(), reason: reason.into(), adapter, gpu_failed, transform })
     }
 }
 
