@@ -171,8 +171,13 @@ fn run_tile<V: Vector>(
         let count = lanes.min(out.len() - start);
         for (term, row) in window.rows().into_iter().zip(panel.chunks_exact_mut(lanes)) {
             let term = term.to_slice().expect("a term of all lanes is contiguous");
-            active.gather(term, first + start, &mut row[..count]);
-            row[count..].fill(0.0);
+            if count == lanes {
+                // Of a length that is known when this is compiled.
+                active.gather(term, first + start, &mut row[..lanes]);
+            } else {
+                active.gather(term, first + start, &mut row[..count]);
+                row[count..].fill(0.0);
+            }
         }
     }
     evaluate::<V>(packed, terms, tile, panels);
