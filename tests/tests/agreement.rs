@@ -2,8 +2,12 @@
 
 use std::{path::Path, sync::Arc};
 
+use half::f16;
 use ndarray::Array2;
-use nst_core::{Estimates, MlpCpu, Network, SequenceBatch, Status, Transform, gpu::MlpGpu};
+use nst_core::{
+    Estimates, Instructions, Layer, MlpCpu, Network, SequenceBatch, Status, Transform,
+    gpu::{AdapterKind, Gpu, GpuOptions, Kernel, LowerLimits, MlpGpu, Precision},
+};
 use nst_tests::{Expected, forward_f64, gpu, random_network, random_window, worst_error};
 use proptest::{prelude::*, test_runner::RngSeed};
 use safetensors::SafeTensors;
@@ -11,13 +15,46 @@ use safetensors::SafeTensors;
 /// f32 rounding of sums of up to 256 terms in up to five layers stays well below it.
 const TOLERANCE: f64 = 1e-5;
 
-/// The transformations of a network, by the name of what runs them.
-fn backends(network: &Arc<Network>) -> Vec<(&'static str, Box<dyn Transform>)> {
-    let mut backends: Vec<(_, Box<dyn Transform>)> =
-        vec![("CPU", Box::new(MlpCpu::new(Arc::clone(network))))];
+/// Where weights are rounded to f16, to 11 bits.
+const TOLERANCE_F16: f64 = 5e-3;
+
+/// A transformation of a network, and how far it may be from f64.
+struct Backend {
+    name: String,
+    tolerance: f64,
+    transform: Box<dyn Transform>,
+}
+
+/// All that can evaluate a network here: every instruction set, every kernel.
+fn backends(network: &Arc<Network>) -> Vec<Backend> {
+    let mut backends = Vec::new();
+    let mut add = |name: String, tolerance, transform| {
+        backends.push(Backend { name, tolerance, transform });
+    };
+    for instructions in Instructions::available() {
+        let mlp = MlpCpu::with_instructions(Arc::clone(network), instructions);
+        add(
+            format!("CPU, {}", instructions.name()),
+            TOLERANCE,
+            Box::new(mlp) as Box<dyn Transform>,
+        );
+    }
     if let Some(gpu) = gpu() {
-        let mlp = MlpGpu::new(gpu, Arc::clone(network)).expect("the adapter runs this network");
-        backends.push(("GPU", Box::new(mlp)));
+        let f16 = gpu.has_f16();
+        for kernel in [Kernel::Tiled, Kernel::Naive] {
+            for (precision, tolerance) in
+                [(Precision::F32, TOLERANCE), (Precision::F16, TOLERANCE_F16)]
+            {
+                if precision == Precision::F16 && !f16 {
+                    continue;
+                }
+                let options = GpuOptions { kernel, precision };
+                let mlp = MlpGpu::with_options(gpu.clone(), Arc::clone(network), options)
+                    .expect("the adapter runs this network");
+                let name = format!("GPU, {}, {}", kernel.name(), precision.name());
+                add(name, tolerance, Box::new(mlp));
+            }
+        }
     }
     backends
 }
@@ -36,12 +73,33 @@ fn apply(transform: &dyn Transform, batch: &SequenceBatch) -> Estimates {
 fn assert_agrees(network: Network, window: &Array2<f32>) {
     let network = Arc::new(network);
     let expected = forward_f64(&network, window.view());
-    for (name, transform) in backends(&network) {
+    let expected_of_f16 = forward_f64(&in_f16(&network), window.view());
+    // Through a layer of a few neurons, cancellation can magnify the rounding of weights.
+    let wide = network.layers().iter().all(|layer| layer.inputs() >= 8);
+    for Backend { name, tolerance, transform } in backends(&network) {
         let estimates = apply(&*transform, &batch(window));
         assert_eq!(estimates.count(Status::Ok), window.ncols(), "{name}");
+        if tolerance == TOLERANCE_F16 {
+            let error = worst_error(estimates.values(), &expected_of_f16);
+            assert!(error <= TOLERANCE, "{name}, {}: {error:e} of f16", network.shape());
+            if !wide {
+                continue;
+            }
+        }
         let error = worst_error(estimates.values(), &expected);
-        assert!(error <= TOLERANCE, "{name}, {}: relative error {error:e}", network.shape());
+        assert!(error <= tolerance, "{name}, {}: relative error {error:e}", network.shape());
     }
+}
+
+/// The network whose weights are rounded to f16.
+fn in_f16(network: &Network) -> Network {
+    let round = |x: f32| f16::from_f32(x).to_f32();
+    let layers = network
+        .layers()
+        .iter()
+        .map(|layer| Layer { weight: layer.weight.mapv(round), bias: layer.bias.mapv(round) })
+        .collect();
+    Network::new(layers, network.metadata().clone()).expect("the same shapes")
 }
 
 /// The tensor `name` of a fixture, as f64.
@@ -83,9 +141,9 @@ fn pytorch_fixtures() {
             .zip(&oracle)
             .map(|(value, oracle)| Expected { value, ..*oracle })
             .collect();
-        let check = |name, values: &[f32]| {
+        let check = |name: &str, values: &[f32], tolerance: f64| {
             let error = worst_error(values, &torch);
-            assert!(error <= TOLERANCE, "{name}, {}: {error:e}", path.display());
+            assert!(error <= tolerance, "{name}, {}: {error:e}", path.display());
         };
         // The oracle itself must be what PyTorch computes in f64, but for the
         // slope of the leaky ReLU, which is 0.01 rounded to f32 here.
@@ -93,9 +151,9 @@ fn pytorch_fixtures() {
             assert!((oracle.value - torch.value).abs() <= 1e-7 * torch.magnitude);
         }
         let in_f32: Vec<_> = numbers(&io, "output").into_iter().map(|x| x as f32).collect();
-        check("PyTorch in f32", &in_f32);
-        for (name, transform) in backends(&network) {
-            check(name, apply(&*transform, &batch(&window)).values());
+        check("PyTorch in f32", &in_f32, TOLERANCE);
+        for Backend { name, tolerance, transform } in backends(&network) {
+            check(&name, apply(&*transform, &batch(&window)).values(), tolerance);
         }
     }
     assert!(fixtures >= 4, "{fixtures} fixtures");
@@ -145,7 +203,7 @@ fn lanes_beyond_one_chunk() {
 fn lanes_are_independent() {
     let network = Arc::new(random_network(&[8, 24, 24], 11));
     let window = random_window(8, 300, 12);
-    for (name, transform) in backends(&network) {
+    for Backend { name, transform, .. } in backends(&network) {
         let all = apply(&*transform, &batch(&window));
         let few = apply(&*transform, &batch(&window.slice(ndarray::s![.., 130..171]).to_owned()));
         assert_eq!(few.values(), &all.values()[130..171], "{name}");
@@ -161,7 +219,7 @@ fn lanes_that_cannot_be_transformed_hold_s_n() {
     window[[3, 3]] = f32::INFINITY;
     // Finite, but the network's sums overflow.
     window.column_mut(4).assign(&ndarray::array![3e38, -3e38, 3e38, -3e38]);
-    for (name, transform) in backends(&network) {
+    for Backend { name, transform, .. } in backends(&network) {
         let estimates = apply(&*transform, &batch(&window));
         use Status::{Constant, NotFinite, Ok};
         let status = [Ok, Constant, NotFinite, NotFinite, NotFinite, Ok];
@@ -174,6 +232,114 @@ fn lanes_that_cannot_be_transformed_hold_s_n() {
         assert_eq!(estimates.count(Status::TooShort), 6, "{name}");
         assert_eq!(estimates.values()[0], window[[3, 0]], "{name}");
     }
+}
+
+/// Constant lanes, and lanes that are not finite, skip the network, and change no bit
+/// of those that remain.
+#[test]
+fn lanes_that_remain_have_the_same_bits() {
+    let network = Arc::new(random_network(&[8, 20, 33], 31));
+    let window = random_window(8, 1000, 32);
+    let mut sparse = window.clone();
+    for lane in 0..1000 {
+        match (lane * lane) % 7 {
+            0..3 => sparse.column_mut(lane).fill(lane as f32),
+            3 => sparse[[lane % 8, lane]] = f32::NAN,
+            _ => {}
+        }
+    }
+    let none = ndarray::Array2::from_elem((8, 70), 0.5);
+    for Backend { name, transform, .. } in backends(&network) {
+        let all = apply(&*transform, &batch(&window));
+        let some = apply(&*transform, &batch(&sparse));
+        for lane in 0..1000 {
+            let (status, value) = match (lane * lane) % 7 {
+                0..3 => (Status::Constant, sparse[[7, lane]]),
+                3 => (Status::NotFinite, sparse[[7, lane]]),
+                _ => (Status::Ok, all.values()[lane]),
+            };
+            assert_eq!(some.status()[lane], status, "{name}, lane {lane}");
+            assert_eq!(some.values()[lane].to_bits(), value.to_bits(), "{name}, lane {lane}");
+        }
+        let none = apply(&*transform, &batch(&none));
+        assert_eq!(none.count(Status::Constant), 70, "{name}");
+    }
+}
+
+#[test]
+fn the_number_of_threads_changes_no_bit() {
+    let network = Arc::new(random_network(&[8, 64, 64], 41));
+    let window = batch(&random_window(8, 5000, 42));
+    for instructions in Instructions::available() {
+        let mlp = MlpCpu::with_instructions(Arc::clone(&network), instructions);
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.expect("a few threads").install(|| apply(&mlp, &window))
+        };
+        let one = with(1);
+        assert_eq!(one, with(2), "{instructions:?}");
+        assert_eq!(one, with(5), "{instructions:?}");
+    }
+}
+
+/// Slopes for which the leaky ReLU is a maximum, and one for which it is a minimum.
+#[test]
+fn slopes_of_the_leaky_relu() {
+    for slope in [0.0, 0.3, 1.0, 1.5, -0.2] {
+        let network = random_network(&[8, 12, 12], 51);
+        let mut metadata = network.metadata().clone();
+        metadata.negative_slope = slope;
+        let network = Network::new(network.layers().to_vec(), metadata).expect("the same shapes");
+        assert_agrees(network, &random_window(8, 100, 52));
+    }
+}
+
+/// An adapter that is too small for a network says so; one that is merely small is used
+/// in more turns.
+#[test]
+fn limits_of_the_adapter() {
+    let Some(_) = gpu() else { return };
+    let network = Arc::new(random_network(&[8, 40], 61));
+    let window = random_window(8, 9000, 62);
+    let expected = forward_f64(&network, window.view());
+    let open = |limits| Gpu::open_with(AdapterKind::Any, &limits).expect("it opens");
+    let small = [
+        LowerLimits { workgroups: Some(3), ..Default::default() },
+        LowerLimits { binding_bytes: Some(20_000), ..Default::default() },
+    ];
+    for limits in small {
+        let mlp = MlpGpu::new(open(limits), Arc::clone(&network)).expect("it is large enough");
+        let error = worst_error(apply(&mlp, &batch(&window)).values(), &expected);
+        assert!(error <= TOLERANCE, "{limits:?}: {error:e}");
+    }
+    let too_small = [
+        LowerLimits { workgroup_bytes: Some(256), ..Default::default() },
+        LowerLimits { invocations: Some(2), ..Default::default() },
+        LowerLimits { binding_bytes: Some(256), ..Default::default() },
+    ];
+    for limits in too_small {
+        let error = MlpGpu::new(open(limits), Arc::clone(&network)).expect_err("it is too small");
+        assert!(matches!(error, nst_core::Error::Gpu(_)), "{limits:?}: {error}");
+    }
+    let wide = random_network(&[8, 300], 63);
+    for kernel in [Kernel::Tiled, Kernel::Naive] {
+        let options = GpuOptions { kernel, ..Default::default() };
+        let gpu = open(LowerLimits::default());
+        assert!(MlpGpu::with_options(gpu, wide.clone(), options).is_err(), "{kernel:?}");
+    }
+}
+
+/// A device that is lost between two batches is an error, not a panic and not a result.
+#[test]
+fn a_lost_device_is_an_error() {
+    let Some(gpu) = gpu() else { return };
+    let mlp = MlpGpu::new(gpu.clone(), random_network(&[8, 16], 71)).expect("it runs");
+    let window = batch(&random_window(8, 100, 72));
+    let mut estimates = apply(&mlp, &window);
+    gpu.lose();
+    let error = mlp.apply(&window, &mut estimates).expect_err("there is no device");
+    assert!(matches!(error, nst_core::Error::Gpu(_)), "{error}");
+    assert!(MlpGpu::new(gpu, random_network(&[8, 16], 71)).is_err());
 }
 
 /// Widths that are no multiple of the shader's blocks of four, down to one.

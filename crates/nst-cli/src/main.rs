@@ -3,6 +3,7 @@
 mod args;
 mod commands;
 mod error;
+mod fallback;
 mod interrupt;
 mod method;
 mod summary;

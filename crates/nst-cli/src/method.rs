@@ -1,7 +1,12 @@
 //! Which transformation a command line stands for, and on what it runs.
 
+use std::sync::{
+    Arc,
+    atomic::{AtomicBool, Ordering},
+};
+
 use nst_core::{
-    BUILTIN, Identity, MlpCpu, Network, Transform,
+    BUILTIN, Error as CoreError, Identity, MlpCpu, Network, Transform,
     gpu::{AdapterKind, Gpu, MlpGpu},
     methods::method,
 };
@@ -9,6 +14,7 @@ use nst_core::{
 use crate::{
     args::{BackendArg, MethodArgs, TransformArg},
     error::Error,
+    fallback::{self, Fallback},
 };
 
 /// Terms that a rendering keeps where no network asks for a number.
@@ -36,10 +42,10 @@ pub(crate) struct Method {
     pub(crate) name: String,
     /// Why it was chosen, in words for the summary.
     pub(crate) reason: String,
-    /// `cpu` or `gpu`.
-    pub(crate) backend: &'static str,
     /// The GPU's name.
     pub(crate) adapter: Option<String>,
+    /// Whether the CPU has taken over from the GPU.
+    pub(crate) gpu_failed: Arc<AtomicBool>,
     pub(crate) transform: Box<dyn Transform>,
 }
 
@@ -93,6 +99,17 @@ impl Method {
         Ok(())
     }
 
+    /// The GPU that the transformation ran on, if it did not fail.
+    pub(crate) fn adapter(&self) -> Option<&str> {
+        let failed = self.gpu_failed.load(Ordering::Relaxed);
+        self.adapter.as_deref().filter(|_| !failed)
+    }
+
+    /// `cpu` or `gpu`.
+    pub(crate) fn backend(&self) -> &'static str {
+        if self.adapter().is_some() { "gpu" } else { "cpu" }
+    }
+
     fn none(reason: impl Into<String>) -> Self {
         Self::on_cpu("none", reason, Box::new(Identity))
     }
@@ -101,8 +118,8 @@ impl Method {
         Self {
             name: name.to_owned(),
             reason: reason.into(),
-            backend: "cpu",
             adapter: None,
+            gpu_failed: Arc::default(),
             transform,
         }
     }
@@ -113,27 +130,33 @@ impl Method {
         network: Network,
         backend: BackendArg,
     ) -> Result<Self, Error> {
+        let network = Arc::new(network);
         let on_gpu = |kind| {
             let gpu = Gpu::open(kind)?;
             let adapter = gpu.name().to_owned();
-            MlpGpu::new(gpu, network.clone()).map(|mlp| (adapter, mlp))
+            MlpGpu::new(gpu, Arc::clone(&network)).map(|mlp| (adapter, mlp))
         };
-        let gpu = match backend {
-            BackendArg::Cpu => None,
-            BackendArg::Gpu => Some(on_gpu(AdapterKind::Any).map_err(Error::Gpu)?),
-            BackendArg::Auto => on_gpu(AdapterKind::Hardware).ok(),
+        let cpu = MlpCpu::new(Arc::clone(&network));
+        let gpu_failed = Arc::default();
+        let (adapter, transform): (_, Box<dyn Transform>) = match backend {
+            BackendArg::Cpu => (None, Box::new(cpu)),
+            BackendArg::Gpu => {
+                let (adapter, mlp) = on_gpu(AdapterKind::Any).map_err(Error::Gpu)?;
+                (Some(adapter), Box::new(mlp))
+            }
+            BackendArg::Auto => match on_gpu(AdapterKind::Hardware) {
+                Ok((adapter, mlp)) => {
+                    (Some(adapter), Box::new(Fallback::new(mlp, cpu, Arc::clone(&gpu_failed))))
+                }
+                // A machine without a GPU is nothing to warn of.
+                Err(CoreError::NoAdapter(_)) => (None, Box::new(cpu)),
+                Err(error) => {
+                    fallback::warn(&error);
+                    (None, Box::new(cpu))
+                }
+            },
         };
-        let (adapter, transform): (_, Box<dyn Transform>) = match gpu {
-            Some((adapter, mlp)) => (Some(adapter), Box::new(mlp)),
-            None => (None, Box::new(MlpCpu::new(network))),
-        };
-        Ok(Self {
-            name: name.into(),
-            reason: reason.into(),
-            backend: if adapter.is_some() { "gpu" } else { "cpu" },
-            adapter,
-            transform,
-        })
+        Ok(Self { name: name.into(), reason: reason.into(), adapter, gpu_failed, transform })
     }
 }
 

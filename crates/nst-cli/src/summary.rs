@@ -83,8 +83,8 @@ impl Stopwatch {
             paths_per_second: render
                 .as_ref()
                 .map(|render| render.paths as f64 / render.time.as_secs_f64()),
-            backend: method.backend,
-            adapter: method.adapter.clone(),
+            backend: method.backend(),
+            adapter: method.adapter().map(str::to_owned),
             transform: method.name.clone(),
             lanes: counts.lanes,
             lanes_skipped: counts.skipped,

@@ -39,6 +39,6 @@ mod transform;
 
 pub use batch::SequenceBatch;
 pub use error::Error;
-pub use mlp::MlpCpu;
+pub use mlp::{Instructions, MlpCpu};
 pub use network::{BUILTIN, Layer, Metadata, Network};
 pub use transform::{Estimates, Identity, Status, Transform};

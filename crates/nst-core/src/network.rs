@@ -203,6 +203,12 @@ impl Network {
         &self.metadata
     }
 
+    /// Multiplications and additions that one lane takes, without activations.
+    #[must_use]
+    pub fn flops_per_lane(&self) -> usize {
+        self.layers.iter().map(|layer| 2 * layer.weight.len()).sum()
+    }
+
     /// The widths from window to output, as in `8-64-64-1`.
     #[must_use]
     pub fn shape(&self) -> String {

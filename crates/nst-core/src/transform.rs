@@ -1,6 +1,7 @@
 //! The [`Transform`] trait, its result type, and the identity.
 
 use ndarray::ArrayView2;
+use rayon::prelude::*;
 
 use crate::{Error, SequenceBatch};
 
@@ -89,33 +90,137 @@ impl Estimates {
         (&mut self.values, &mut self.status)
     }
 
-    /// Takes the raw outputs of a method and replaces what must not stand:
-    /// lanes whose window is constant, and lanes that are not finite.
-    pub(crate) fn accept(&mut self, window: ArrayView2<'_, f32>, raw: Vec<f32>) {
+    /// Lets `evaluate` compute the lanes that a network must see, one value each, and
+    /// sets the others to S_n: those whose window is constant, and those that are not
+    /// finite. A value that is not finite becomes S_n, too.
+    ///
+    /// # Errors
+    /// Those of `evaluate`.
+    pub(crate) fn transform_active(
+        &mut self,
+        window: ArrayView2<'_, f32>,
+        evaluate: impl FnOnce(&Active, &mut [f32]) -> Result<(), Error>,
+    ) -> Result<(), Error> {
         let (terms, lanes) = window.dim();
-        debug_assert_eq!(raw.len(), lanes);
-        let last = window.row(terms - 1);
-        // One term alone says nothing about constancy.
-        let initial = if terms > 1 { Status::Constant } else { Status::Ok };
-        self.status.clear();
-        self.status.resize(lanes, initial);
-        // Row by row, because a term of all lanes is contiguous.
-        for row in window.rows() {
-            for ((status, value), last) in self.status.iter_mut().zip(row).zip(last) {
-                if !value.is_finite() {
-                    *status = Status::NotFinite;
-                } else if value != last && *status == Status::Constant {
-                    *status = Status::Ok;
+        let window = window.to_slice().expect("a window is a run of whole rows");
+        let (values, status) = self.reset(lanes);
+        let ok: usize = values
+            .par_chunks_mut(CLASSIFY)
+            .zip(status.par_chunks_mut(CLASSIFY))
+            .enumerate()
+            .map(|(i, (values, status))| {
+                classify(window, terms, lanes, i * CLASSIFY, values, status)
+            })
+            .sum();
+        let active = if ok == lanes { Active::All } else { Active::some(status, ok) };
+        let last = &window[(terms - 1) * lanes..];
+        match &active {
+            Active::All => evaluate(&active, values)?,
+            Active::Some(list) => {
+                let mut compact = vec![0.0; list.len()];
+                evaluate(&active, &mut compact)?;
+                for (&lane, value) in list.iter().zip(compact) {
+                    values[lane as usize] = value;
                 }
             }
         }
-        self.values = raw;
-        for ((status, value), last) in self.status.iter_mut().zip(&mut self.values).zip(last) {
-            if *status == Status::Ok && !value.is_finite() {
-                *status = Status::NotFinite;
+        let chunks = values.chunks_mut(SIDE_BY_SIDE).zip(status.chunks_mut(SIDE_BY_SIDE));
+        for ((values, status), last) in chunks.zip(last.chunks(SIDE_BY_SIDE)) {
+            // Nearly everywhere; without a branch per lane, this becomes vectors.
+            if values.iter().fold(true, |all, value| all & value.is_finite()) {
+                continue;
             }
-            if *status != Status::Ok {
-                *value = *last;
+            for ((status, value), last) in status.iter_mut().zip(values).zip(last) {
+                if !value.is_finite() && *status == Status::Ok {
+                    *status = Status::NotFinite;
+                    *value = *last;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Lanes that are classified by one thread at a time.
+const CLASSIFY: usize = 1 << 14;
+
+/// Lanes that are classified side by side, in vectors.
+const SIDE_BY_SIDE: usize = 64;
+
+/// Sets lanes `first ..` of the window `[term][lane]` to S_n, and to the status that
+/// follows from the window alone. Returns how many are [`Status::Ok`].
+fn classify(
+    window: &[f32],
+    terms: usize,
+    lanes: usize,
+    first: usize,
+    values: &mut [f32],
+    status: &mut [Status],
+) -> usize {
+    let mut ok = 0;
+    let chunks = values.chunks_mut(SIDE_BY_SIDE).zip(status.chunks_mut(SIDE_BY_SIDE));
+    for (i, (values, status)) in chunks.enumerate() {
+        let lane = first + i * SIDE_BY_SIDE;
+        let count = values.len();
+        let row = |term: usize| &window[term * lanes + lane..][..count];
+        let last = row(terms - 1);
+        values.copy_from_slice(last);
+        // All ones where a term differs from the last, and where all are finite.
+        let mut differs = [0; SIDE_BY_SIDE];
+        let mut finite = [u32::MAX; SIDE_BY_SIDE];
+        let mask = |condition: bool| u32::from(condition).wrapping_neg();
+        for term in 0..terms {
+            let flags = differs.iter_mut().zip(&mut finite);
+            for ((&value, &last), (differs, finite)) in row(term).iter().zip(last).zip(flags) {
+                *differs |= mask(value != last);
+                *finite &= mask(value.abs() < f32::INFINITY);
+            }
+        }
+        // One term alone says nothing about constancy.
+        if terms == 1 {
+            differs.fill(u32::MAX);
+        }
+        let flags = || differs.iter().zip(&finite).take(count);
+        if flags().fold(u32::MAX, |all, (differs, finite)| all & differs & finite) != 0 {
+            ok += count; // as nearly everywhere: the statuses are so already
+            continue;
+        }
+        for (status, (&differs, &finite)) in status.iter_mut().zip(flags()) {
+            *status = match (finite, differs) {
+                (0, _) => Status::NotFinite,
+                (_, 0) => Status::Constant,
+                _ => Status::Ok,
+            };
+            ok += usize::from(*status == Status::Ok);
+        }
+    }
+    ok
+}
+
+/// The lanes that a network must see, so that its tiles are full of them.
+pub(crate) enum Active {
+    All,
+    /// In increasing order.
+    Some(Vec<u32>),
+}
+
+impl Active {
+    /// The `ok` lanes whose status is [`Status::Ok`].
+    fn some(status: &[Status], ok: usize) -> Self {
+        let mut list = Vec::with_capacity(ok);
+        list.extend((0_u32..).zip(status).filter(|&(_, &s)| s == Status::Ok).map(|(lane, _)| lane));
+        Self::Some(list)
+    }
+
+    /// Copies active lanes `first ..` of a term of all lanes to `out`.
+    #[inline]
+    pub(crate) fn gather(&self, term: &[f32], first: usize, out: &mut [f32]) {
+        match self {
+            Self::All => out.copy_from_slice(&term[first..][..out.len()]),
+            Self::Some(list) => {
+                for (out, &lane) in out.iter_mut().zip(&list[first..]) {
+                    *out = term[lane as usize];
+                }
             }
         }
     }
@@ -158,7 +263,15 @@ mod tests {
         //                       ok  constant  bad input  bad output  overflown last term
         let window = array![[1.0, 0.5, nan, 1.0, 1.0], [2.0, 0.5, 3.0, 2.0, inf]];
         let mut out = Estimates::default();
-        out.accept(window.view(), vec![9.0, 9.0, 9.0, nan, 9.0]);
+        // Lanes 0 and 3 are all that the network sees.
+        let seen = out.transform_active(window.view(), |active, out| {
+            let mut terms = [0.0; 2];
+            active.gather(window.row(1).as_slice().expect("one row"), 0, &mut terms);
+            assert_eq!(terms, [2.0, 2.0]);
+            out.copy_from_slice(&[9.0, nan]);
+            Result::Ok(())
+        });
+        assert!(seen.is_ok());
         assert_eq!(out.values(), [9.0, 0.5, 3.0, 2.0, inf]);
         use Status::{Constant, NotFinite, Ok};
         assert_eq!(out.status(), [Ok, Constant, NotFinite, NotFinite, NotFinite]);

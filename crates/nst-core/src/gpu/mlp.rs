@@ -1,45 +1,31 @@
-//! The network as a compute shader: see `mlp.wgsl`.
+//! The network as a compute shader: buffers, chunks and submissions.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
-use bytemuck::{Pod, Zeroable};
-use ndarray::{ArrayView2, s};
-use wgpu::util::DeviceExt;
+use ndarray::ArrayView2;
 
-use super::Gpu;
-use crate::{Error, Estimates, Layer, Network, SequenceBatch, Status, Transform};
+use super::{
+    Gpu,
+    shader::{Kernel, Params, Precision, Variant, pack, pack_f16},
+};
+use crate::{Error, Estimates, Network, SequenceBatch, Status, Transform, transform::Active};
 
-const SHADER: &str = include_str!("mlp.wgsl");
+/// Lanes per submission where the adapter sets no lower limit: 8 MiB of terms at
+/// window 8. Two are under way at a time.
+const MAX_CHUNK: u64 = 1 << 18;
 
-/// `THREADS` of the shader: blocks of four neurons, so no layer may be wider than 256.
-const THREADS: u32 = 64;
-/// `LANES_PER_GROUP` of the shader.
-const LANES_PER_GROUP: u32 = 16;
-/// Lanes per submission where the adapter sets no lower limit: 32 MiB of terms at window 8.
-const MAX_CHUNK: u64 = 1 << 20;
-
-/// `Params` of the shader.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Params {
-    lanes: u32,
-    window: u32,
-    layers: u32,
-    negative_slope: f32,
-}
-
-/// `Layer` of the shader.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct LayerTable {
-    inputs: u32,
-    blocks: u32,
-    weights: u32,
-    biases: u32,
+/// How [`MlpGpu`] is to evaluate a network.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct GpuOptions {
+    /// The shader.
+    pub kernel: Kernel,
+    /// Of the weights.
+    pub precision: Precision,
 }
 
 /// Evaluates a [`Network`] in a WGSL compute shader; lanes stream through the
-/// device in chunks, so that no buffer limit bounds the size of a batch.
+/// device in chunks, so that no buffer limit bounds the size of a batch. While one
+/// chunk is computed, the next is uploaded.
 #[derive(Debug)]
 pub struct MlpGpu {
     gpu: Gpu,
@@ -49,71 +35,122 @@ pub struct MlpGpu {
     weights: wgpu::Buffer,
     lanes_per_workgroup: u32,
     max_chunk: u32,
+    /// Kept from batch to batch.
+    buffers: Mutex<Vec<Buffers>>,
 }
 
 impl MlpGpu {
-    /// Compiles the shader and uploads the weights.
+    /// Compiles the shader and uploads the weights, in f32.
     ///
     /// # Errors
-    /// [`Error::Gpu`] if a layer is wider than 256 or if the device refuses the shader.
+    /// [`Error::Gpu`] if a layer is wider than 256, if the adapter's limits are too low,
+    /// or if the device refuses the shader.
     pub fn new(gpu: Gpu, network: impl Into<Arc<Network>>) -> Result<Self, Error> {
-        let network = network.into();
-        let window = network.metadata().window;
-        let widest = network.layers().iter().map(Layer::outputs).fold(window, usize::max);
-        let blocks = (widest as u32).div_ceil(4).next_power_of_two();
-        if blocks > THREADS {
-            return Err(Error::Gpu(format!(
-                "the network is {widest} wide; the shader takes up to {}",
-                4 * THREADS
-            )));
-        }
-        let lanes_per_workgroup = LANES_PER_GROUP * THREADS / blocks;
+        Self::with_options(gpu, network, GpuOptions::default())
+    }
 
+    /// The same, with a choice of kernel and precision.
+    ///
+    /// # Errors
+    /// As for [`Self::new`]; also if f16 is asked for and the adapter lacks it, or a
+    /// weight exceeds it.
+    pub fn with_options(
+        gpu: Gpu,
+        network: impl Into<Arc<Network>>,
+        options: GpuOptions,
+    ) -> Result<Self, Error> {
+        let network = network.into();
+        let variant = Variant::new(&gpu, &network, options.kernel)?;
+        if options.precision == Precision::F16 && !gpu.has_f16() {
+            return Err(Error::Gpu(format!("{}: it has no f16", gpu.name)));
+        }
+        let source = variant.source(options.precision);
+        Self::compile(gpu, network, &variant, options.precision, source)
+    }
+
+    fn compile(
+        gpu: Gpu,
+        network: Arc<Network>,
+        variant: &Variant,
+        precision: Precision,
+        source: String,
+    ) -> Result<Self, Error> {
         let device = &gpu.device;
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("mlp"),
-            source: wgpu::ShaderSource::Wgsl(SHADER.into()),
+            source: wgpu::ShaderSource::Wgsl(source.into()),
         });
+        // A module that is not valid makes pipelines that are not: the first error counts.
+        gpu.check()?;
         let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("mlp"),
             layout: None,
             module: &module,
             entry_point: Some("transform"),
             compilation_options: wgpu::PipelineCompilationOptions {
-                constants: &[("BLOCKS", f64::from(blocks))],
+                constants: &variant.constants,
                 ..Default::default()
             },
             cache: None,
         });
         let (table, packed) = pack(&network);
-        let upload = |label, contents| {
-            device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        // Not `create_buffer_init`, which panics if the device is lost.
+        let upload = |label, contents: &[u8]| {
+            let buffer = device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),
-                contents,
-                usage: wgpu::BufferUsages::STORAGE,
-            })
+                size: contents.len() as u64,
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            });
+            gpu.queue.write_buffer(&buffer, 0, contents);
+            buffer
         };
+        let limits = device.limits();
+        let most_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let too_small = || Error::Gpu(format!("{}: its buffers are too small", gpu.name));
+        if size_of_val(&packed[..]) as u64 > most_bytes {
+            return Err(too_small());
+        }
         let layers = upload("layers", bytemuck::cast_slice(&table));
-        let weights = upload("weights", bytemuck::cast_slice(&packed));
+        let weights = match precision {
+            Precision::F32 => upload("weights", bytemuck::cast_slice(&packed)),
+            Precision::F16 => upload("weights", bytemuck::cast_slice(&pack_f16(&packed)?)),
+        };
         gpu.check()?;
 
-        let limits = device.limits();
-        let bytes_per_lane = (window * size_of::<f32>()) as u64;
+        let bytes_per_lane = (network.metadata().window * size_of::<f32>()) as u64;
+        let lanes_per_workgroup = variant.lanes_per_workgroup;
         let workgroups = u64::from(limits.max_compute_workgroups_per_dimension);
         let max_chunk = MAX_CHUNK
-            .min(limits.max_storage_buffer_binding_size / bytes_per_lane)
-            .min(limits.max_buffer_size / bytes_per_lane)
+            .min(most_bytes / bytes_per_lane)
             .min(workgroups * u64::from(lanes_per_workgroup)) as u32;
         if max_chunk == 0 {
-            return Err(Error::Gpu(format!("{}: its buffers are too small", gpu.name)));
+            return Err(too_small());
         }
-        Ok(Self { gpu, network, pipeline, layers, weights, lanes_per_workgroup, max_chunk })
+        let buffers = Mutex::default();
+        Ok(Self {
+            gpu,
+            network,
+            pipeline,
+            layers,
+            weights,
+            lanes_per_workgroup,
+            max_chunk,
+            buffers,
+        })
     }
 
-    /// Evaluates the network on a chunk of lanes, `[term][lane]`.
-    fn run_chunk(&self, buffers: &Buffers, window: ArrayView2<'_, f32>) -> Result<Vec<f32>, Error> {
-        let lanes = window.ncols();
-        let bytes = (lanes * size_of::<f32>()) as u64;
+    /// Uploads active lanes `first ..` and has them evaluated; `scratch` has their number.
+    fn submit(
+        &self,
+        buffers: &mut Buffers,
+        window: ArrayView2<'_, f32>,
+        active: &Active,
+        first: usize,
+        scratch: &mut [f32],
+    ) {
+        let lanes = scratch.len();
+        let bytes = size_of_val(scratch) as u64;
         let Gpu { device, queue, .. } = &self.gpu;
 
         let params = Params {
@@ -123,13 +160,14 @@ impl MlpGpu {
             negative_slope: self.network.metadata().negative_slope,
         };
         queue.write_buffer(&buffers.params, 0, bytemuck::bytes_of(&params));
-        for (t, row) in window.rows().into_iter().enumerate() {
-            let row = row.to_slice().expect("a lane range of one term is contiguous");
-            queue.write_buffer(&buffers.terms, t as u64 * bytes, bytemuck::cast_slice(row));
+        for (t, term) in window.rows().into_iter().enumerate() {
+            let term = term.to_slice().expect("a term of all lanes is contiguous");
+            active.gather(term, first, scratch);
+            queue.write_buffer(&buffers.terms, t as u64 * bytes, bytemuck::cast_slice(scratch));
         }
         // A lane that the shader failed to write must not look like a result.
-        let poison = vec![f32::NAN; lanes];
-        queue.write_buffer(&buffers.estimates, 0, bytemuck::cast_slice(&poison));
+        scratch.fill(f32::NAN);
+        queue.write_buffer(&buffers.estimates, 0, bytemuck::cast_slice(scratch));
 
         let mut encoder = device.create_command_encoder(&Default::default());
         {
@@ -139,19 +177,59 @@ impl MlpGpu {
             pass.dispatch_workgroups((lanes as u32).div_ceil(self.lanes_per_workgroup), 1, 1);
         }
         encoder.copy_buffer_to_buffer(&buffers.estimates, 0, &buffers.staging, 0, bytes);
-        queue.submit([encoder.finish()]);
-
-        // A mapping that fails shows up below, when the range is asked for.
+        buffers.submission = Some(queue.submit([encoder.finish()]));
+        // A mapping that fails shows up when the range is asked for.
         buffers.staging.map_async(wgpu::MapMode::Read, 0..bytes, |_| {});
-        self.gpu.wait()?;
+    }
+
+    /// Waits for what was submitted with these buffers, and reads the estimates.
+    fn read_back(&self, buffers: &mut Buffers, out: &mut [f32]) -> Result<(), Error> {
+        self.gpu.wait(buffers.submission.take())?;
         let view = buffers
             .staging
-            .get_mapped_range(0..bytes)
+            .get_mapped_range(0..size_of_val(out) as u64)
             .map_err(|error| Error::Gpu(format!("{}: {error}", self.gpu.name)))?;
-        let estimates = bytemuck::pod_collect_to_vec(&view[..]);
+        bytemuck::cast_slice_mut(out).copy_from_slice(&view[..]);
         drop(view);
         buffers.staging.unmap();
-        Ok(estimates)
+        Ok(())
+    }
+
+    /// Evaluates the active lanes, chunk by chunk, with two sets of buffers in turns.
+    fn evaluate(
+        &self,
+        window: ArrayView2<'_, f32>,
+        active: &Active,
+        out: &mut [f32],
+    ) -> Result<(), Error> {
+        if out.is_empty() {
+            return Ok(());
+        }
+        self.gpu.check()?;
+        let chunk = out.len().min(self.max_chunk as usize);
+        let sets = out.len().div_ceil(chunk).min(2);
+        let kept = std::mem::take(&mut *self.buffers());
+        let mut kept = kept.into_iter().filter(|buffers| buffers.lanes >= chunk);
+        let mut buffers: Vec<_> =
+            (0..sets).map(|_| kept.next().unwrap_or_else(|| Buffers::new(self, chunk))).collect();
+        self.gpu.check()?;
+
+        let mut under_way: Option<(usize, &mut [f32])> = None;
+        for (i, out) in out.chunks_mut(chunk).enumerate() {
+            self.submit(&mut buffers[i % sets], window, active, i * chunk, out);
+            if let Some((before, out)) = under_way.replace((i, out)) {
+                self.read_back(&mut buffers[before % sets], out)?;
+            }
+        }
+        if let Some((before, out)) = under_way {
+            self.read_back(&mut buffers[before % sets], out)?;
+        }
+        *self.buffers() = buffers;
+        Ok(())
+    }
+
+    fn buffers(&self) -> std::sync::MutexGuard<'_, Vec<Buffers>> {
+        self.buffers.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -165,25 +243,22 @@ impl Transform for MlpGpu {
             out.fall_back(batch, Status::TooShort);
             return Ok(());
         };
-        let chunk = batch.lanes().min(self.max_chunk as usize);
-        let buffers = Buffers::new(self, chunk);
-        let mut raw = Vec::with_capacity(batch.lanes());
-        for first in (0..batch.lanes()).step_by(chunk) {
-            let end = (first + chunk).min(batch.lanes());
-            raw.extend(self.run_chunk(&buffers, window.slice(s![.., first..end]))?);
-        }
-        out.accept(window, raw);
-        Ok(())
+        out.transform_active(window, |active, out| self.evaluate(window, active, out))
     }
 }
 
-/// The buffers of one batch, reused by its chunks.
+/// The buffers of one chunk.
+#[derive(Debug)]
 struct Buffers {
+    /// Room for so many.
+    lanes: usize,
     params: wgpu::Buffer,
     terms: wgpu::Buffer,
     estimates: wgpu::Buffer,
     staging: wgpu::Buffer,
     bind_group: wgpu::BindGroup,
+    /// What they are in use for.
+    submission: Option<wgpu::SubmissionIndex>,
 }
 
 impl Buffers {
@@ -214,119 +289,39 @@ impl Buffers {
             layout: &mlp.pipeline.get_bind_group_layout(0),
             entries: &entries,
         });
-        Self { params, terms, estimates, staging, bind_group }
+        Self { lanes, params, terms, estimates, staging, bind_group, submission: None }
     }
-}
-
-/// The weights as the shader reads them: per layer `[in][out / 4]` and then the
-/// biases `[out / 4]`, in vectors of four outputs padded with zeros.
-fn pack(network: &Network) -> (Vec<LayerTable>, Vec<[f32; 4]>) {
-    let mut packed = Vec::new();
-    let table = network
-        .layers()
-        .iter()
-        .map(|layer| {
-            let blocks = layer.outputs().div_ceil(4);
-            let weights = packed.len() as u32;
-            let columns = layer.weight.columns();
-            for values in columns.into_iter().chain([layer.bias.view()]) {
-                packed.extend((0..blocks).map(|block| {
-                    std::array::from_fn(|j| values.get(4 * block + j).copied().unwrap_or(0.0))
-                }));
-            }
-            let biases = packed.len() as u32 - blocks as u32;
-            LayerTable { inputs: layer.inputs() as u32, blocks: blocks as u32, weights, biases }
-        })
-        .collect();
-    (table, packed)
 }
 
 #[cfg(test)]
 mod tests {
-    use naga::{
-        TypeInner,
-        valid::{Capabilities, ValidationFlags, Validator},
-    };
-
     use super::*;
+    use crate::gpu::AdapterKind;
 
-    fn module() -> naga::Module {
-        naga::front::wgsl::parse_str(SHADER).expect("the shader parses")
-    }
-
-    fn is_valid(module: &naga::Module) -> bool {
-        let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
-        validator.validate(module).inspect_err(|error| eprintln!("{error:?}")).is_ok()
-    }
-
-    /// Needs no adapter.
+    /// Skipped where there is no adapter, as `NST_GPU` allows.
     #[test]
-    fn the_shader_is_valid() {
-        assert!(is_valid(&module()));
-        // A store to the input, which is read-only, must be noticed.
-        let broken = SHADER.replace("estimates[first_lane + i] =", "terms[first_lane + i] =");
-        assert_ne!(broken, SHADER);
-        assert!(!is_valid(&naga::front::wgsl::parse_str(&broken).expect("it still parses")));
-    }
-
-    /// Offsets and sizes as the shader compiler lays them out.
-    #[test]
-    fn structs_have_the_shaders_layout() {
-        let module = module();
-        let layout = |name: &str| {
-            let (_, ty) = module
-                .types
-                .iter()
-                .find(|(_, ty)| ty.name.as_deref() == Some(name))
-                .expect("the shader has this struct");
-            match &ty.inner {
-                TypeInner::Struct { members, span } => {
-                    let members =
-                        members.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset));
-                    (members.collect::<Vec<_>>(), *span as usize)
-                }
-                _ => panic!("{name} is no struct"),
-            }
+    fn a_shader_that_does_not_compile_is_an_error() {
+        let gpu = match std::env::var("NST_GPU").as_deref() {
+            Ok("off") => return,
+            Ok("require") => Gpu::open(AdapterKind::Any).expect("NST_GPU=require"),
+            _ => match Gpu::open(AdapterKind::Any) {
+                Ok(gpu) => gpu,
+                Err(_) => return,
+            },
         };
-        let expect = |name: &str, members: &[(&str, usize)], size: usize| {
-            let members: Vec<_> = members.iter().map(|&(n, o)| (n.to_owned(), o as u32)).collect();
-            assert_eq!(layout(name), (members, size), "{name}");
+        let network = Network::builtin("families").expect("it is in the crate");
+        let network = Arc::new(network.expect("it is readable"));
+        let compile = |gpu: &Gpu, source: String| {
+            let variant = Variant::new(gpu, &network, Kernel::Tiled).expect("it fits");
+            MlpGpu::compile(gpu.clone(), Arc::clone(&network), &variant, Precision::F32, source)
         };
-        use std::mem::offset_of;
-        expect(
-            "Params",
-            &[
-                ("lanes", offset_of!(Params, lanes)),
-                ("window", offset_of!(Params, window)),
-                ("layers", offset_of!(Params, layers)),
-                ("negative_slope", offset_of!(Params, negative_slope)),
-            ],
-            size_of::<Params>(),
-        );
-        expect(
-            "Layer",
-            &[
-                ("inputs", offset_of!(LayerTable, inputs)),
-                ("blocks", offset_of!(LayerTable, blocks)),
-                ("weights", offset_of!(LayerTable, weights)),
-                ("biases", offset_of!(LayerTable, biases)),
-            ],
-            size_of::<LayerTable>(),
-        );
-        let constants: Vec<_> = module
-            .constants
-            .iter()
-            .filter_map(|(_, constant)| {
-                let naga::Expression::Literal(naga::Literal::U32(value)) =
-                    module.global_expressions[constant.init]
-                else {
-                    return None;
-                };
-                Some((constant.name.clone()?, value))
-            })
-            .collect();
-        for (name, value) in [("THREADS", THREADS), ("LANES_PER_GROUP", LANES_PER_GROUP)] {
-            assert!(constants.contains(&(name.to_owned(), value)), "{name}: {constants:?}");
+        let variant = Variant::new(&gpu, &network, Kernel::Tiled).expect("it fits");
+        let right = variant.source(Precision::F32);
+        assert!(compile(&gpu, right.clone()).is_ok());
+        for (good, bad) in [("leaky_relu", "leaky_rule"), ("params.lanes", "params.lane")] {
+            let gpu = Gpu::open(AdapterKind::Any).expect("it opened before");
+            let error = compile(&gpu, right.replacen(good, bad, 1)).expect_err(bad);
+            assert!(matches!(error, Error::Gpu(_)), "{error}");
         }
     }
 }

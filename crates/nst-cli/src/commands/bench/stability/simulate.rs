@@ -1,43 +1,16 @@
-//! Random numbers, and running means of simulated samples.
+//! Running means of simulated samples.
 
 use ndarray::Array2;
 use nst_core::{SequenceBatch, methods::FOLDS};
 use rayon::prelude::*;
+
+pub(super) use super::super::random::Rng;
 
 /// Sequences whose limits are known.
 pub(super) struct Case {
     pub(super) batch: SequenceBatch,
     /// I of each lane.
     pub(super) limits: Vec<f64>,
-}
-
-/// SplitMix64 (Steele, Lea, Flood 2014).
-pub(super) struct Rng(u64);
-
-impl Rng {
-    /// Independent numbers for each seed and stream.
-    pub(super) fn new(seed: u64, stream: u64) -> Self {
-        Self(mix(mix(seed.wrapping_add(GAMMA)) ^ stream))
-    }
-
-    /// 64 random bits.
-    pub(super) fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(GAMMA);
-        mix(self.0)
-    }
-
-    /// Uniform on [0, 1).
-    pub(super) fn uniform(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-}
-
-const GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
-
-fn mix(mut z: u64) -> u64 {
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 /// Running means with the given sample counts, and the means of the folds, where

@@ -1,59 +1,29 @@
-// The network on the GPU; its CPU twin is `mlp.rs`. For layers i = 0 … L−1:
-//     a ← leaky_relu(W_i a + b_i), without the activation after the last one.
+// The network on the GPU, for GPUs; its CPU twin is the module `mlp`. For layers
+// i = 0 … L−1: a ← leaky_relu(W_i a + b_i), without the activation after the last one.
 //
 // A thread owns 4 neurons × 16 lanes, whose sums stay in registers. BLOCKS
-// threads make up the widest layer of one group of 16 lanes, and 64 / BLOCKS
-// such groups share a workgroup: its activations always take 16 KiB, the least
-// that WebGPU guarantees.
+// threads make up the widest layer of one group of 16 lanes, and GROUPS such groups
+// share a workgroup. On a GPU, BLOCKS · GROUPS is 64: activations take 16 KiB, the
+// least that WebGPU guarantees.
 
-const THREADS: u32 = 64;
 const LANES_PER_GROUP: u32 = 16;
 
-// Blocks of four neurons in the widest layer: a power of two, at most THREADS.
+// Blocks of four neurons in the widest layer: a power of two, at most 64.
 override BLOCKS: u32 = 64;
-
-struct Params {
-    lanes: u32,           // lanes of this dispatch
-    window: u32,          // terms per lane
-    layers: u32,
-    negative_slope: f32,
-}
-
-struct Layer {
-    inputs: u32,
-    blocks: u32,          // outputs / 4, rounded up
-    weights: u32,         // index of the first weight in `weights`
-    biases: u32,          // index of the first bias in `weights`
-}
-
-@group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> layers: array<Layer>;         // [layer]
-@group(0) @binding(2) var<storage, read> weights: array<vec4<f32>>;    // per layer: [in][out / 4], then [out / 4]
-@group(0) @binding(3) var<storage, read> terms: array<f32>;            // [term][lane]
-@group(0) @binding(4) var<storage, read_write> estimates: array<f32>;  // [lane]
+override GROUPS: u32 = 1;
 
 // [group of 16 lanes][neuron][lanes / 4]
-var<workgroup> activations: array<vec4<f32>, 1024>;
+var<workgroup> activations: array<vec4<f32>, BLOCKS * GROUPS * LANES_PER_GROUP>;
 
-fn term(t: u32, lane: u32) -> f32 {
-    if lane >= params.lanes {
-        return 0.0;
-    }
-    return terms[t * params.lanes + lane];
-}
-
-fn leaky_relu(x: vec4<f32>, slope: f32) -> vec4<f32> {
-    return select(slope * x, x, x > vec4(0.0));
-}
-
-@compute @workgroup_size(THREADS)
+@compute @workgroup_size(BLOCKS * GROUPS)
 fn transform(
     @builtin(workgroup_id) workgroup: vec3<u32>,
     @builtin(local_invocation_index) thread: u32,
 ) {
     let block = thread % BLOCKS;
-    let group = thread / BLOCKS;
-    let first_lane = (workgroup.x * (THREADS / BLOCKS) + group) * LANES_PER_GROUP;
+    // That one group needs no division lets compilers see that its loads are uniform.
+    let group = select(thread / BLOCKS, 0u, GROUPS == 1u);
+    let first_lane = (workgroup.x * GROUPS + group) * LANES_PER_GROUP;
     let base = group * BLOCKS * 16u;
 
     for (var i = block; i < params.window * 4u; i += BLOCKS) {
@@ -75,7 +45,7 @@ fn transform(
         var sum_30 = vec4(0.0); var sum_31 = vec4(0.0); var sum_32 = vec4(0.0); var sum_33 = vec4(0.0);
         if block < layer.blocks {
             for (var k = 0u; k < layer.inputs; k++) {
-                let w = weights[layer.weights + k * layer.blocks + block];
+                let w = weights_at(layer.weights + k * layer.blocks + block);
                 let a0 = activations[base + k * 4u];
                 let a1 = activations[base + k * 4u + 1u];
                 let a2 = activations[base + k * 4u + 2u];
@@ -89,7 +59,7 @@ fn transform(
         // All reads of this layer's inputs come before the writes of its outputs.
         workgroupBarrier();
         if block < layer.blocks {
-            let b = weights[layer.biases + block];
+            let b = weights_at(layer.biases + block);
             let out = base + block * 16u;
             activations[out] = leaky_relu(sum_00 + b.x, slope);
             activations[out + 1u] = leaky_relu(sum_01 + b.x, slope);

@@ -1,0 +1,237 @@
+//! `nst bench inference`: how fast networks are evaluated, beside the matrix product
+//! that bounds it.
+
+mod network;
+mod peak;
+
+use std::time::Instant;
+
+use ndarray::Array2;
+use nst_core::{
+    Estimates, Instructions, MlpCpu, Network, SequenceBatch, Status, Transform,
+    gpu::{AdapterKind, Gpu, GpuOptions, Kernel, MlpGpu, Precision},
+};
+use nst_render::output::OutputFile;
+use serde::Serialize;
+
+use crate::{
+    args::{BenchInferenceArgs, InferenceBackend},
+    commands::set_threads,
+    error::Error,
+};
+use network::{random_network, random_window, worst_error};
+use peak::Product;
+
+/// Lanes that are compared with f64 before anything is timed, from either end.
+const CHECKED: usize = 128;
+
+/// The largest error, relative to the sum of magnitudes of the output layer.
+const TOLERANCE: f64 = 1e-5;
+
+/// The same, where weights are rounded to f16.
+const TOLERANCE_F16: f64 = 5e-3;
+
+/// A backend on a network and a number of lanes; times are medians over runs.
+#[derive(Clone, Debug, Serialize)]
+struct Row {
+    /// `cpu`, `gpu`, or `gemm`: the matrix product alone.
+    backend: String,
+    /// The GPU and its kernel; for the CPU, the instructions.
+    adapter: String,
+    /// Hidden layers.
+    layers: usize,
+    /// The widest hidden layer.
+    hidden: usize,
+    lanes: usize,
+    /// From sequences in memory to estimates in memory.
+    milliseconds: f64,
+    gflops: f64,
+    /// Of the rate of `gemm` on the CPU, measured in turns with this.
+    share_of_peak: f64,
+    /// Threads of the CPU.
+    threads: usize,
+}
+
+/// What can be timed, by name.
+struct Backend {
+    name: &'static str,
+    adapter: String,
+    tolerance: f64,
+    transform: Box<dyn Transform>,
+    seconds: Vec<f64>,
+}
+
+pub(super) fn run(args: &BenchInferenceArgs) -> Result<(), Error> {
+    set_threads(&args.common)?;
+    let mut output = args.output.as_deref().map(OutputFile::create).transpose()?;
+    let networks = match &args.weights {
+        Some(path) => vec![
+            Network::read(path).map_err(|source| Error::Weights { path: path.clone(), source })?,
+        ],
+        None => {
+            args.shapes.iter().map(|shape| random_network(shape.layers, shape.hidden)).collect()
+        }
+    };
+    let gpu = match args.backend {
+        InferenceBackend::Cpu => None,
+        InferenceBackend::Gpu => Some(Gpu::open(AdapterKind::Any).map_err(Error::Gpu)?),
+        InferenceBackend::All => Gpu::open(AdapterKind::Any)
+            .inspect_err(|error| eprintln!("warning: {error}; measuring the CPU alone"))
+            .ok(),
+    };
+    let mut rows = Vec::new();
+    for network in &networks {
+        for lanes in args.lanes() {
+            for row in measure(network, lanes, args, gpu.as_ref())? {
+                if !args.common.quiet {
+                    println!(
+                        "{:5} {:40} {:>2}x{:<4} {:>8} lanes {:>10.3} ms {:>8.2} GFLOP/s {:>6.2} of gemm",
+                        row.backend,
+                        row.adapter,
+                        row.layers,
+                        row.hidden,
+                        row.lanes,
+                        row.milliseconds,
+                        row.gflops,
+                        row.share_of_peak
+                    );
+                }
+                rows.push(row);
+            }
+        }
+    }
+    if let Some(mut output) = output.take() {
+        let path = output.path().to_owned();
+        let mut writer = csv::Writer::from_writer(output.file());
+        rows.iter()
+            .try_for_each(|row| writer.serialize(row))
+            .and_then(|()| Ok(writer.flush()?))
+            .map_err(|source| Error::Csv { path, source })?;
+        drop(writer);
+        output.commit()?;
+    }
+    Ok(())
+}
+
+fn backends(
+    network: &Network,
+    args: &BenchInferenceArgs,
+    gpu: Option<&Gpu>,
+) -> Result<Vec<Backend>, Error> {
+    let mut backends = Vec::new();
+    let mut add = |name, adapter: String, tolerance, transform: Box<dyn Transform>| {
+        backends.push(Backend { name, adapter, tolerance, transform, seconds: Vec::new() });
+    };
+    if args.backend != InferenceBackend::Gpu {
+        let best = [Instructions::detect()];
+        let all = Instructions::available();
+        for &instructions in if args.variants { &all[..] } else { &best[..] } {
+            let mlp = MlpCpu::with_instructions(network.clone(), instructions);
+            add("cpu", instructions.name().to_owned(), TOLERANCE, Box::new(mlp));
+        }
+    }
+    let Some(gpu) = gpu else { return Ok(backends) };
+    let kernels = [Kernel::Tiled, Kernel::Naive];
+    for &kernel in if args.variants { &kernels[..] } else { &kernels[..1] } {
+        for precision in [Precision::F32, Precision::F16] {
+            if precision == Precision::F16 && !(args.variants && gpu.has_f16()) {
+                continue;
+            }
+            let options = GpuOptions { kernel, precision };
+            let mlp = MlpGpu::with_options(gpu.clone(), network.clone(), options);
+            let mlp = mlp.map_err(Error::Gpu)?;
+            let adapter = format!("{}, {}, {}", gpu.name(), kernel.name(), precision.name());
+            let tolerance = if precision == Precision::F16 { TOLERANCE_F16 } else { TOLERANCE };
+            add("gpu", adapter, tolerance, Box::new(mlp));
+        }
+    }
+    Ok(backends)
+}
+
+/// Checks every backend, then lets them and the matrix product take turns.
+fn measure(
+    network: &Network,
+    lanes: usize,
+    args: &BenchInferenceArgs,
+    gpu: Option<&Gpu>,
+) -> Result<Vec<Row>, Error> {
+    let window = random_window(network.metadata().window, lanes);
+    let counts = (1..=window.nrows() as u32).collect();
+    let batch = SequenceBatch::new(window.clone(), counts)?;
+    let mut estimates = Estimates::default();
+    let mut backends = backends(network, args, gpu)?;
+    for backend in &backends {
+        backend.transform.apply(&batch, &mut estimates)?;
+        check(network, &window, &estimates, backend)?;
+    }
+    let mut product = Product::new(lanes);
+    let mut peak = Vec::new();
+    for _ in 0..args.runs {
+        peak.push(product.seconds());
+        for backend in &mut backends {
+            let start = Instant::now();
+            backend.transform.apply(&batch, &mut estimates)?;
+            backend.seconds.push(start.elapsed().as_secs_f64());
+        }
+    }
+    let peak_seconds = median(peak);
+    let peak = product.flops() / peak_seconds / 1e9;
+    let hidden = &network.layers()[..network.layers().len() - 1];
+    let threads = rayon::current_num_threads();
+    let mut rows = vec![Row {
+        backend: "gemm".to_owned(),
+        adapter: format!("{0}x{0}", peak::SIZE),
+        layers: 1,
+        hidden: peak::SIZE,
+        lanes: product.lanes(),
+        milliseconds: 1e3 * peak_seconds,
+        gflops: peak,
+        share_of_peak: 1.0,
+        threads,
+    }];
+    for Backend { name, adapter, seconds, .. } in backends {
+        let seconds = median(seconds);
+        let gflops = (network.flops_per_lane() * lanes) as f64 / seconds / 1e9;
+        rows.push(Row {
+            backend: name.to_owned(),
+            adapter,
+            layers: hidden.len(),
+            hidden: hidden.iter().map(|layer| layer.outputs()).max().unwrap_or(0),
+            lanes,
+            milliseconds: 1e3 * seconds,
+            gflops,
+            share_of_peak: gflops / peak,
+            threads,
+        });
+    }
+    Ok(rows)
+}
+
+/// Compares both ends of the batch with the network in f64.
+fn check(
+    network: &Network,
+    window: &Array2<f32>,
+    estimates: &Estimates,
+    backend: &Backend,
+) -> Result<(), Error> {
+    let lanes = window.ncols();
+    let error = (0..CHECKED.min(lanes))
+        .flat_map(|i| [i, lanes - 1 - i])
+        .map(|lane| worst_error(network, window.column(lane), estimates.values()[lane]))
+        .fold(0.0, f64::max);
+    let skipped = lanes - estimates.count(Status::Ok);
+    if error <= backend.tolerance && skipped == 0 {
+        return Ok(());
+    }
+    Err(Error::Files(format!(
+        "{} ({}) is wrong on {}: relative error {error:e}, {skipped} lanes not evaluated",
+        backend.name,
+        backend.adapter,
+        network.shape()
+    )))
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
