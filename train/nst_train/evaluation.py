@@ -37,6 +37,7 @@ class Score:
 
 
 COLUMNS = [field.name for field in fields(Score)]
+HISTORY_COLUMNS = ["epoch", "loss", "seconds"]
 
 
 def evaluate(config: Config, model: Mlp, data: Data) -> list[Score]:

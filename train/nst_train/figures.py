@@ -2,13 +2,15 @@
 
     python -m nst_train.figures                 # rewrite what docs/paper/*.csv gives
     python -m nst_train.figures --check         # compare instead; exit code 1 on a difference
-    python -m nst_train.figures --runs runs     # first copy runs/NAME/metrics.csv to docs/paper/NAME.csv
+    python -m nst_train.figures --runs runs     # first copy runs/NAME/metrics.csv to docs/paper/NAME.csv,
+                                                # and how long each trained to docs/paper/training.csv
 
 A figure is drawn once the networks that it needs have their CSV.
 """
 
 import argparse
 import csv
+import json
 import re
 import shutil
 import sys
@@ -19,13 +21,15 @@ from pathlib import Path
 
 from nst_train.charts import Curve, Panel, Style, draw
 from nst_train.errors import UserError
-from nst_train.evaluation import COLUMNS
+from nst_train.evaluation import COLUMNS, HISTORY_COLUMNS, write_csv
 from nst_train.renders import REPOSITORY
 
 PAPER = REPOSITORY / "docs" / "paper"
 PAGE = REPOSITORY / "docs" / "paper.md"
 DENOISED = "denoised"  # docs/paper/denoised.csv, by docs/denoise.py
 DENOISED_COLUMNS = ["name", "method", "n", "mse", "mse_ratio"]
+TRAINING = "training.csv"
+TRAINING_COLUMNS = ["name", "setting", "device", "threads", "epochs", "seconds"]
 
 FAMILIES = ("gaussian", "step", "gaussian-step")
 LOSSES = {"L0": "families-l0", "L1": "families-l1", "L2": "families", "L3": "families-l3"}
@@ -261,7 +265,19 @@ def collect(runs: Path, paper: Path) -> list[str]:
     for name in names:
         read_csv(runs / name / "metrics.csv", COLUMNS)
         shutil.copyfile(runs / name / "metrics.csv", paper / f"{name}.csv")
+    write_csv(paper / TRAINING, TRAINING_COLUMNS, [training_row(runs / name) for name in names])
     return names
+
+
+def training_row(run: Path) -> list[object]:
+    """How long a run trained, in what setting, and on what."""
+    last = read_csv(run / "history.csv", HISTORY_COLUMNS)[-1]
+    try:
+        versions = json.loads((run / "versions.json").read_text(encoding="utf-8"))
+        described = [versions[key] for key in ("setting", "device", "threads")]
+    except (OSError, ValueError, KeyError) as error:
+        raise UserError(f"{run / 'versions.json'}: cannot read it; train again: {error}") from error
+    return [run.name, *described, last["epoch"], round(float(last["seconds"]))]
 
 
 def replace_block(text: str, name: str, content: str, path: Path) -> str:

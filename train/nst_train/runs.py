@@ -150,7 +150,7 @@ def resume(out: Path, training: Training, trained_on: str) -> list[float]:
 def write_history(out: Path, losses: list[float], seconds_at: list[float]) -> None:
     """history.csv: the loss of each epoch, and the seconds of training up to its end."""
     rows = zip(range(1, len(losses) + 1), losses, seconds_at, strict=True)
-    evaluation.write_csv(out / "history.csv", ["epoch", "loss", "seconds"], rows)
+    evaluation.write_csv(out / "history.csv", evaluation.HISTORY_COLUMNS, rows)
 
 
 def write_description(out: Path, config: configs.Config, data: Data, device: str) -> None:

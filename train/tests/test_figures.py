@@ -1,6 +1,7 @@
 """Charts, tables and published weights follow from CSV files, and a change of either is noticed."""
 
 import json
+import json
 import shutil
 from pathlib import Path
 
@@ -35,6 +36,10 @@ def runs_folder(tmp_path: Path) -> Path:
         (folder / name).mkdir(parents=True)
         rows = scores(name, name.removesuffix(figures.HALTON))
         evaluation.write_metrics(folder / name / "metrics.csv", rows)
+        history = [(1, 0.5, 10.4), (2, 0.25, 20.6)]
+        evaluation.write_csv(folder / name / "history.csv", evaluation.HISTORY_COLUMNS, history)
+        versions = {"setting": "small", "device": "x86_64", "threads": 1}
+        (folder / name / "versions.json").write_text(json.dumps(versions))
     return folder
 
 
@@ -68,6 +73,8 @@ def test_one_command_draws_what_there_are_numbers_for(
     assert "figure-6: not drawn, lacks teapot-diffuse" in said
     assert [path.stem for path in paper.glob("*.svg")] == ["figure-5"]
     assert "| plane-ggx: T, Halton | 2.08 | 2.16 | 2.32 |" in page.read_text()
+    training = (paper / figures.TRAINING).read_text().splitlines()
+    assert training[1] == "step,small,x86_64,1,2,21"
     assert "![figure-5](paper/figure-5.svg)" in page.read_text()
     assert figures.main([*options, "--check"]) == 0
 

@@ -24,7 +24,25 @@ macro_rules! builtin {
 }
 
 /// The networks inside the crate: a name and the bytes of the file.
-pub const BUILTIN: &[(&str, &[u8])] = &builtin!("cornell", "families");
+pub const BUILTIN: &[(&str, &[u8])] = &builtin!(
+    "cornell",
+    "families",
+    "gaussian",
+    "step",
+    "gaussian-step",
+    "plane-lambert",
+    "plane-lambert-halton",
+    "plane-ggx",
+    "plane-ggx-halton",
+    "teapot-diffuse",
+    "teapot-diffuse-halton",
+    "teapot-glossy",
+    "teapot-glossy-halton",
+    "cornell-direct",
+    "cornell-direct-halton",
+    "cornell-depth-8",
+    "cornell-depth-8-halton",
+);
 
 /// One fully connected layer: y = weight · x + bias.
 #[derive(Clone, Debug, PartialEq)]
