@@ -114,6 +114,7 @@ pub fn random_network(widths: &[usize], seed: u64) -> Network {
         negative_slope: 0.01,
         trained_on: vec!["nothing".into()],
         samples: (8, 64),
+        sampler: None,
         loss: "L2".into(),
         epochs: 0,
         seed,

@@ -156,17 +156,22 @@ fn any_obj_renders_without_sidecar_material_or_light() {
 }
 
 #[test]
-fn auto_refuses_what_the_network_was_not_trained_on() {
+fn auto_takes_the_network_of_the_scene_and_sampler_or_none() {
     let bench = Bench::new();
     let scene = cornell();
+    let center = "--pixel center --spp 8";
     for (change, why) in [
-        ("--max-depth 3 --spp 8", "this very scene"),
-        ("--pixel center --spp 8", "this very scene"),
-        ("--spp 7", "trained on 8 to 64 spp"),
-        ("--spp 65", "trained on 8 to 64 spp"),
+        ("--max-depth 3 --spp 8", "none (no network was trained on this very scene)"),
+        (&format!("{center} --max-depth 3"), "none (no network was trained on this very scene)"),
+        ("--spp 7", "none (network 'cornell' was trained on 8 to 64 spp"),
+        ("--spp 65", "none (network 'cornell' was trained on 8 to 64 spp"),
+        ("--sampler halton --spp 8", "none (network 'cornell' was trained on samples of another"),
+        (center, "cornell-depth-8 (trained on this scene"),
+        (&format!("{center} --sampler halton"), "cornell-depth-8-halton (trained on this scene"),
+        (&format!("{center} --max-depth 2"), "cornell-direct (trained on this scene"),
     ] {
         let said = bench.succeed(&format!("render --scene {scene} --size 4x4 {change}"));
-        assert!(said.contains("transform  none") && said.contains(why), "{change}:\n{said}");
+        assert!(said.contains(&format!("transform  {why}")), "{change}:\n{said}");
     }
 }
 

@@ -28,6 +28,7 @@ pub(super) fn random_network(layers: usize, hidden: usize) -> Network {
         negative_slope: 0.01,
         trained_on: vec!["nothing".to_owned()],
         samples: (8, 64),
+        sampler: None,
         loss: "L2".to_owned(),
         epochs: 0,
         seed: 0,
