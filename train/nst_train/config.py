@@ -53,6 +53,7 @@ class Config:
     seed: int
     window: int  # M, terms that the network sees
     hidden: list[int]
+    inputs: str  # one of INPUTS: windows as they are, or uncorrelated and of variance 1 while training
     start: str  # one of STARTS: random weights, or T = S
     loss: str
     epsilon: float  # ε of equations 5 and 9
@@ -67,6 +68,7 @@ class Config:
 
 SETTINGS = ("paper", "small")
 SAMPLERS = ("random", "halton")
+INPUTS = ("raw", "whitened")
 STARTS = ("random", "input")
 PIXELS = ("box", "center")
 GIVEN = ("setting", "text")  # fields of Config that are no keys
@@ -172,6 +174,7 @@ def _check_ranges(config: Config) -> None:
     require(
         bool(config.hidden) and min(config.hidden) >= 1, "hidden", "a list of widths, each 1 or more"
     )
+    require(config.inputs in INPUTS, "inputs", f"one of {', '.join(INPUTS)}")
     require(config.start in STARTS, "start", f"one of {', '.join(STARTS)}")
     require(config.loss in LOSSES, "loss", f"one of {', '.join(LOSSES)}")
     require(0 < config.epsilon < math.inf, "epsilon", "a positive number")

@@ -1,5 +1,6 @@
 """The network of section 3.1: a multi-layer perceptron from a window of estimates to T_n."""
 
+import copy
 from contextlib import nullcontext
 from itertools import pairwise
 
@@ -16,17 +17,43 @@ class Mlp(nn.Module):
     The names of its parameters, `layers.{i}.weight` and `layers.{i}.bias`, are those of the weights
     file. With `mixed` the products between hidden layers are in bf16. The first layer and the last stay
     in f32: rounding the estimates would erase their differences S_k − S_{k−1}.
+
+    A whitened network sees basis · (window − center). That is another way to write the weights of the
+    first layer, on which gradient descent is faster; `folded` turns them into the plain ones.
     """
+
+    center: Tensor | None
+    basis: Tensor | None
 
     def __init__(self, window: int, hidden: list[int]) -> None:
         super().__init__()
         self.mixed = False
+        self.register_buffer("center", None)
+        self.register_buffer("basis", None)
         widths = [window, *hidden, 1]
         self.layers = nn.ModuleList(nn.Linear(i, o) for i, o in pairwise(widths))
 
     @property
     def window(self) -> int:
         return self.layers[0].in_features
+
+    def whiten(self, center: Tensor, basis: Tensor) -> None:
+        """Makes the first layer see basis · (window − center), of shapes `[window]` and
+        `[window, window]`, with the weights that it has."""
+        self.center, self.basis = center.float(), basis.float()
+
+    def folded(self) -> "Mlp":
+        """The same network with the whitening in the weights of its first layer."""
+        plain = copy.deepcopy(self)
+        plain.mixed = False
+        if self.basis is not None and self.center is not None:
+            first = plain.layers[0]
+            with torch.no_grad():
+                weight = first.weight.double() @ self.basis.double()
+                first.bias -= (weight @ self.center.double()).float()
+                first.weight.copy_(weight)
+            plain.center = plain.basis = None
+        return plain
 
     def start_from_input(self) -> None:
         """Sets T = S_n (for S_n ≥ 0): unit 0 of each layer hands S_n on, and the last layer ignores the
@@ -39,10 +66,15 @@ class Mlp(nn.Module):
                 layer.weight[0] = 0.0
                 layer.bias[0] = 0.0
                 layer.weight[0, -1 if index == 0 else 0] = 1.0
+            if self.basis is not None and self.center is not None:
+                self.layers[0].weight[0] = torch.linalg.inv(self.basis.double())[-1].float()
+                self.layers[0].bias[0] = self.center[-1]
 
     def forward(self, windows: Tensor) -> Tensor:
         """`[…, window]`, oldest estimate first, to T `[…]`."""
         first, *between, last = self.layers
+        if self.basis is not None:
+            windows = (windows - self.center) @ self.basis.T
         x = F.leaky_relu(first(windows), NEGATIVE_SLOPE)
         lower = torch.autocast(windows.device.type, torch.bfloat16) if self.mixed else nullcontext()
         with lower:

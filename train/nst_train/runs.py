@@ -45,7 +45,7 @@ def run(config: configs.Config, out: Path, device: str = "cpu") -> list[Score]:
     write_description(out, config, data, device)
     train(out, training, data, seconds_at)
 
-    model, dtype, scores = finished(config, training.model.cpu(), data)
+    model, dtype, scores = finished(config, training.model.cpu().folded(), data)
     print_scores(scores)
     evaluation.write_metrics(out / "metrics.csv", scores)
     path = out / f"{config.name}.safetensors"
@@ -185,7 +185,6 @@ def finished(
     config: configs.Config, model: Mlp, data: Data
 ) -> tuple[Mlp, torch.dtype, list[Score]]:
     """The network as it is stored, and its scores."""
-    model.mixed = False
     half = weights.rounded(model, torch.float16)
     ns = reported_n(config, data)
     full_scores = evaluation.network_scores(config, model, data, ns)

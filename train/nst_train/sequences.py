@@ -47,6 +47,33 @@ def mean_squared_errors(estimates: Tensor, reference: Tensor) -> Tensor:
     return (estimates - reference[:, None, None]).square().mean(dim=1)
 
 
+LEAST_DEVIATION = 1e-3
+"""Axes of `whitening` with a smaller part of the greatest standard deviation count as this part: beyond
+it, f32 weights that undo the scaling would show their rounding."""
+
+
+def whitening(estimates: Tensor, window: int) -> tuple[Tensor, Tensor]:
+    """The mean of all windows, `[window]`, and the basis `[window, window]` that makes their principal
+    axes uncorrelated and of variance 1, in f64.
+
+    Estimates follow each other closely, so a window's differences are far smaller than its mean;
+    gradient descent on raw windows is as slow as that ratio is small.
+    """
+    terms = estimates.shape[-1]
+    total = torch.zeros(window, dtype=torch.float64, device=estimates.device)
+    squares = torch.zeros(window, window, dtype=torch.float64, device=estimates.device)
+    for first in range(terms - window + 1):  # bit by bit: all windows in f64 are many times the data
+        part = estimates[..., first : first + window].reshape(-1, window).double()
+        total += part.sum(dim=0)
+        squares += part.T @ part
+    count = estimates[..., 0].numel() * (terms - window + 1)
+    center = total / count
+    variances, axes = torch.linalg.eigh(squares / count - center.outer(center))
+    deviations = variances.clamp_min(0.0).sqrt()
+    scale = deviations.clamp_min(LEAST_DEVIATION * deviations[-1])
+    return center, (axes / scale).T
+
+
 def concatenate(parts: list[Sequences]) -> Sequences:
     """All integrands of `parts`, in order."""
     return Sequences(

@@ -10,13 +10,15 @@ from nst_train.config import Config
 from nst_train.errors import UserError
 from nst_train.losses import sequence_loss
 from nst_train.model import Mlp
-from nst_train.sequences import Sequences, mean_squared_errors, windows
+from nst_train.sequences import Sequences, mean_squared_errors, whitening, windows
 
 
-def make_model(config: Config) -> Mlp:
+def make_model(config: Config, estimates: Tensor) -> Mlp:
     """A network with PyTorch's default initialisation, seeded, or one that starts with T = S."""
     torch.manual_seed(config.seed)
     model = Mlp(config.window, config.hidden)
+    if config.inputs == "whitened":
+        model.whiten(*whitening(estimates, config.window))
     if config.start == "input":
         model.start_from_input()
     return model
@@ -32,7 +34,7 @@ class Training:
     def __init__(self, config: Config, sequences: Sequences, device: str = "cpu") -> None:
         self.config = config
         self.device = device
-        self.model = make_model(config).to(device)
+        self.model = make_model(config, sequences.estimates).to(device)
         self.model.mixed = device == "cuda"
         self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.learning_rate)
         self.rng = torch.Generator().manual_seed(config.seed)  # on the CPU, whatever the device

@@ -95,6 +95,7 @@ def test_missing_keys_are_named(key: str) -> None:
         ("hidden", "[]"),
         ("hidden", "[64, 0]"),
         ("hidden", '["64"]'),
+        ("inputs", '"white"'),
         ("start", '"zero"'),
         ("loss", '"L4"'),
         ("epsilon", "0"),

@@ -159,9 +159,9 @@ def test_pictures_of_a_run(
 ) -> None:
     """A run on the stand-in's renderings, from training to error maps."""
     out, npz = tmp_path / "run", tmp_path / "p.npz"
-    lines = ['name = "box"', "seed = 1", "window = 8", "hidden = [4]", 'start = "input"', 'loss = "L1"']
-    lines += ["epsilon = 1e-2", "epochs = 2", "batch_size = 9", "learning_rate = 1e-3"]
-    lines += ["terms_per_step = 2", "[data]"]
+    lines = ['name = "box"', "seed = 1", "window = 8", "hidden = [4]", 'inputs = "whitened"']
+    lines += ['start = "input"', 'loss = "L1"', "epsilon = 1e-2", "epochs = 2", "batch_size = 9"]
+    lines += ["learning_rate = 1e-3", "terms_per_step = 2", "[data]"]
     data = vars(settings) | {"terms": 33}
     lines += [f"{key} = {json.dumps(value)}" for key, value in data.items()]
     (tmp_path / "box.toml").write_text("\n".join(lines))

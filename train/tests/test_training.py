@@ -12,6 +12,7 @@ from nst_train import config as configs
 from nst_train import evaluation, families
 from nst_train.errors import UserError
 from nst_train.model import Mlp
+from nst_train.sequences import whitening, windows
 from nst_train.training import Training, draw_points
 
 SMALL = """\
@@ -19,6 +20,7 @@ name = "tiny"
 seed = 1
 window = 8
 hidden = [16, 16]
+inputs = "raw"
 start = "random"
 loss = "L2"
 epsilon = 1e-4
@@ -62,6 +64,39 @@ def test_training_beats_the_input_on_unseen_integrands(small: configs.Config) ->
     training = train(small, data)
     assert training.losses[-1] < 0.8 * training.losses[0]
     assert ratio(training.model) < 0.25
+
+
+def test_whitened_inputs_train_faster_and_fold_into_plain_weights(small: configs.Config) -> None:
+    """Seeds 1 to 3 reach 0.16 to 0.17 times the MSE of S_16 in 60 epochs, with raw inputs 0.26 to 0.28."""
+    data = families.make_data(["gaussian-step"], small.data.runs, small.data.terms, small.seed)
+
+    def ratio(inputs: str, start: str, epochs: int) -> float:
+        config = replace(small, inputs=inputs, start=start, epochs=epochs)
+        training = train(config, data)
+        plain = training.model.folded()
+        assert [name for name, _ in plain.named_buffers()] == []
+        held_out = data.held_out["gaussian-step"]
+        both = [evaluation.transformed(model, held_out, 16) for model in (training.model, plain)]
+        # f32 at values of about 1, times folded weights of up to some hundreds.
+        torch.testing.assert_close(*both, rtol=0.0, atol=1e-4)
+        scores = evaluation.network_scores(config, plain, data, [16])
+        return evaluation.ratio(scores, "gaussian-step", 16)
+
+    assert ratio("whitened", "input", 0) == pytest.approx(1.0, abs=1e-4)
+    assert ratio("whitened", "random", 60) < 0.8 * ratio("raw", "random", 60)
+
+
+def test_whitening_makes_windows_uncorrelated() -> None:
+    data = families.make_data(["gaussian"], runs=5, terms=20, seed=1).training
+    center, basis = whitening(data.estimates, 8)
+    x = (windows(data.estimates, 8).reshape(-1, 8).double() - center) @ basis.T
+    torch.testing.assert_close(x.mean(dim=0), torch.zeros(8).double(), rtol=0.0, atol=1e-9)
+    torch.testing.assert_close(torch.cov(x.T, correction=0), torch.eye(8).double(), rtol=0.0, atol=1e-6)
+
+    # Windows without any variation but a common one: the other axes are magnified no further.
+    center, basis = whitening(torch.arange(4.0).reshape(4, 1, 1).expand(4, 1, 9), 8)
+    deviation = (8 * 1.25) ** 0.5  # of 0 … 3, times √8
+    assert torch.linalg.matrix_norm(basis, 2).item() == pytest.approx(1e3 / deviation)
 
 
 def test_scores_of_known_transformations(small: configs.Config) -> None:
