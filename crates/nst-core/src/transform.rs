@@ -1,6 +1,7 @@
 //! The [`Transform`] trait, its result type, and the identity.
 
 use ndarray::ArrayView2;
+#[cfg(feature = "gpu")]
 use rayon::prelude::*;
 
 use crate::{Error, SequenceBatch};
@@ -96,67 +97,50 @@ impl Estimates {
     ///
     /// # Errors
     /// Those of `evaluate`.
+    #[cfg(feature = "gpu")]
     pub(crate) fn transform_active(
         &mut self,
         window: ArrayView2<'_, f32>,
-        evaluate: impl FnOnce(&Active, &mut [f32]) -> Result<(), Error>,
+        evaluate: impl FnOnce(Lanes<'_>, &mut [f32]) -> Result<(), Error>,
     ) -> Result<(), Error> {
-        let (terms, lanes) = window.dim();
-        let window = window.to_slice().expect("a window is a run of whole rows");
-        let (values, status) = self.reset(lanes);
+        let (values, status) = self.reset(window.ncols());
         let ok: usize = values
             .par_chunks_mut(CLASSIFY)
             .zip(status.par_chunks_mut(CLASSIFY))
             .enumerate()
-            .map(|(i, (values, status))| {
-                classify(window, terms, lanes, i * CLASSIFY, values, status)
-            })
+            .map(|(i, (values, status))| classify(window, i * CLASSIFY, values, status))
             .sum();
-        let active = if ok == lanes { Active::All } else { Active::some(status, ok) };
-        let last = &window[(terms - 1) * lanes..];
-        match &active {
-            Active::All => evaluate(&active, values)?,
-            Active::Some(list) => {
-                let mut compact = vec![0.0; list.len()];
-                evaluate(&active, &mut compact)?;
-                for (&lane, value) in list.iter().zip(compact) {
-                    values[lane as usize] = value;
-                }
-            }
+        if ok == values.len() {
+            evaluate(Lanes::From(0), values)?;
+        } else {
+            let mut list = Vec::with_capacity(ok);
+            list_ok(status, 0, &mut list);
+            let mut compact = vec![0.0; ok];
+            evaluate(Lanes::These(&list), &mut compact)?;
+            scatter(&compact, &list, 0, values);
         }
-        let chunks = values.chunks_mut(SIDE_BY_SIDE).zip(status.chunks_mut(SIDE_BY_SIDE));
-        for ((values, status), last) in chunks.zip(last.chunks(SIDE_BY_SIDE)) {
-            // Nearly everywhere; without a branch per lane, this becomes vectors.
-            if values.iter().fold(true, |all, value| all & value.is_finite()) {
-                continue;
-            }
-            for ((status, value), last) in status.iter_mut().zip(values).zip(last) {
-                if !value.is_finite() && *status == Status::Ok {
-                    *status = Status::NotFinite;
-                    *value = *last;
-                }
-            }
-        }
+        replace_non_finite(window, 0, values, status);
         Ok(())
     }
 }
 
 /// Lanes that are classified by one thread at a time.
+#[cfg(feature = "gpu")]
 const CLASSIFY: usize = 1 << 14;
 
-/// Lanes that are classified side by side, in vectors.
+/// Lanes that are looked at side by side, in vectors.
 const SIDE_BY_SIDE: usize = 64;
 
 /// Sets lanes `first ..` of the window `[term][lane]` to S_n, and to the status that
-/// follows from the window alone. Returns how many are [`Status::Ok`].
-fn classify(
-    window: &[f32],
-    terms: usize,
-    lanes: usize,
+/// follows from the window alone. Returns how many are [`Status::Ok`], which all are before.
+pub(crate) fn classify(
+    window: ArrayView2<'_, f32>,
     first: usize,
     values: &mut [f32],
     status: &mut [Status],
 ) -> usize {
+    let (terms, lanes) = window.dim();
+    let window = window.to_slice().expect("a window is a run of whole rows");
     let mut ok = 0;
     let chunks = values.chunks_mut(SIDE_BY_SIDE).zip(status.chunks_mut(SIDE_BY_SIDE));
     for (i, (values, status)) in chunks.enumerate() {
@@ -197,28 +181,60 @@ fn classify(
     ok
 }
 
-/// The lanes that a network must see, so that its tiles are full of them.
-pub(crate) enum Active {
-    All,
-    /// In increasing order.
-    Some(Vec<u32>),
+/// Appends the lanes whose status is [`Status::Ok`]; the first is lane `first` of the batch.
+pub(crate) fn list_ok(status: &[Status], first: usize, list: &mut Vec<u32>) {
+    let lanes = (first as u32..).zip(status);
+    list.extend(lanes.filter(|&(_, &status)| status == Status::Ok).map(|(lane, _)| lane));
 }
 
-impl Active {
-    /// The `ok` lanes whose status is [`Status::Ok`].
-    fn some(status: &[Status], ok: usize) -> Self {
-        let mut list = Vec::with_capacity(ok);
-        list.extend((0_u32..).zip(status).filter(|&(_, &s)| s == Status::Ok).map(|(lane, _)| lane));
-        Self::Some(list)
+/// Puts one value per lane of `list` where it belongs; `values` starts at lane `first`.
+pub(crate) fn scatter(compact: &[f32], list: &[u32], first: usize, values: &mut [f32]) {
+    for (&lane, &value) in list.iter().zip(compact) {
+        values[lane as usize - first] = value;
     }
+}
 
-    /// Copies active lanes `first ..` of a term of all lanes to `out`.
+/// Sets lanes `first ..` to S_n where a network's value is not finite.
+pub(crate) fn replace_non_finite(
+    window: ArrayView2<'_, f32>,
+    first: usize,
+    values: &mut [f32],
+    status: &mut [Status],
+) {
+    let last = window.row(window.nrows() - 1);
+    let last = &last.to_slice().expect("a window is a run of whole rows")[first..];
+    let chunks = values.chunks_mut(SIDE_BY_SIDE).zip(status.chunks_mut(SIDE_BY_SIDE));
+    for ((values, status), last) in chunks.zip(last.chunks(SIDE_BY_SIDE)) {
+        // Nearly everywhere; without a branch per lane, this becomes vectors.
+        if values.iter().fold(true, |all, value| all & value.is_finite()) {
+            continue;
+        }
+        for ((status, value), last) in status.iter_mut().zip(values).zip(last) {
+            if !value.is_finite() && *status == Status::Ok {
+                *status = Status::NotFinite;
+                *value = *last;
+            }
+        }
+    }
+}
+
+/// Lanes of a batch that a network must see, so that its tiles are full of them.
+#[derive(Clone, Copy)]
+pub(crate) enum Lanes<'a> {
+    /// All from this one on.
+    From(usize),
+    /// In increasing order.
+    These(&'a [u32]),
+}
+
+impl Lanes<'_> {
+    /// Copies lanes `start ..` of these from a term of all lanes to `out`.
     #[inline]
-    pub(crate) fn gather(&self, term: &[f32], first: usize, out: &mut [f32]) {
+    pub(crate) fn gather(self, term: &[f32], start: usize, out: &mut [f32]) {
         match self {
-            Self::All => out.copy_from_slice(&term[first..][..out.len()]),
-            Self::Some(list) => {
-                for (out, &lane) in out.iter_mut().zip(&list[first..]) {
+            Self::From(first) => out.copy_from_slice(&term[first + start..][..out.len()]),
+            Self::These(list) => {
+                for (out, &lane) in out.iter_mut().zip(&list[start..]) {
                     *out = term[lane as usize];
                 }
             }
@@ -257,6 +273,7 @@ mod tests {
         Ok(())
     }
 
+    #[cfg(feature = "gpu")]
     #[test]
     fn constant_and_non_finite_lanes_hold_s_n() {
         let (nan, inf) = (f32::NAN, f32::INFINITY);
@@ -264,9 +281,9 @@ mod tests {
         let window = array![[1.0, 0.5, nan, 1.0, 1.0], [2.0, 0.5, 3.0, 2.0, inf]];
         let mut out = Estimates::default();
         // Lanes 0 and 3 are all that the network sees.
-        let seen = out.transform_active(window.view(), |active, out| {
+        let seen = out.transform_active(window.view(), |lanes, out| {
             let mut terms = [0.0; 2];
-            active.gather(window.row(1).as_slice().expect("one row"), 0, &mut terms);
+            lanes.gather(window.row(1).as_slice().expect("one row"), 0, &mut terms);
             assert_eq!(terms, [2.0, 2.0]);
             out.copy_from_slice(&[9.0, nan]);
             Result::Ok(())

@@ -170,8 +170,8 @@ unsafe fn block<V: Vector>(weights: &[f32], input: *const f32, slope: f32, outpu
     for (sums, &bias) in sums.iter_mut().zip(&weights[0]) {
         *sums = [V::splat(bias); COLUMNS];
     }
-    for (k, weights) in weights[1..].iter().enumerate() {
-        // SAFETY: the caller's promise; so too below.
+    let mut add = |k: usize, weights: &[f32; ROWS]| {
+        // SAFETY: the caller's promise.
         let row = unsafe { load::<V>(input, k) };
         for (sums, &weight) in sums.iter_mut().zip(weights) {
             let weight = V::splat(weight);
@@ -179,6 +179,16 @@ unsafe fn block<V: Vector>(weights: &[f32], input: *const f32, slope: f32, outpu
                 *sum = weight.mul_add(value, *sum);
             }
         }
+    };
+    // Four at a time, as a loop of one would spend a fifth of its instructions on itself.
+    let (fours, rest) = weights[1..].as_chunks::<4>();
+    for (k, four) in fours.iter().enumerate() {
+        for (i, weights) in four.iter().enumerate() {
+            add(4 * k + i, weights);
+        }
+    }
+    for (i, weights) in rest.iter().enumerate() {
+        add(4 * fours.len() + i, weights);
     }
     let slope_vector = V::splat(slope);
     for (r, sums) in sums.into_iter().enumerate() {

@@ -10,7 +10,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use ndarray::ArrayView2;
 
-use crate::{Error, Estimates, Network, SequenceBatch, Status, Transform, transform::Active};
+use crate::{
+    Error, Estimates, Network, SequenceBatch, Status, Transform,
+    transform::{Lanes, classify, list_ok, replace_non_finite, scatter},
+};
 use kernel::{Packed, Tile, evaluate, panel};
 pub use vector::Instructions;
 #[cfg(target_arch = "x86_64")]
@@ -22,8 +25,8 @@ use vector::{Four, Vector};
 const TILE: usize = 64;
 
 /// The least work that a thread fetches at a time, in floating-point operations: some
-/// 50 µs, beside which the fetching is nothing.
-const JOB: usize = 4_000_000;
+/// 15 µs, beside which the fetching is nothing.
+const JOB: usize = 1_000_000;
 
 /// Evaluates a [`Network`] with all threads and the CPU's vector units. A lane's bits
 /// depend on neither the threads nor the lanes beside it.
@@ -57,54 +60,62 @@ impl MlpCpu {
         Self { network, packed, instructions }
     }
 
-    /// Evaluates the lanes of `active` into `out`, one value each.
-    fn evaluate(&self, window: ArrayView2<'_, f32>, active: &Active, out: &mut [f32]) {
-        let tiles = (JOB / self.network.flops_per_lane()).div_ceil(TILE).clamp(1, 64);
-        let jobs = out.len().div_ceil(tiles * TILE);
-        let queue = Mutex::new(out.chunks_mut(tiles * TILE).enumerate());
-        let work = || {
-            let mut tile = Tile::new(&self.packed, self.window(), TILE);
-            loop {
-                let job = queue.lock().unwrap_or_else(PoisonError::into_inner).next();
-                let Some((job, out)) = job else { break };
-                for (i, out) in out.chunks_mut(TILE).enumerate() {
-                    self.evaluate_tile(window, active, (job * tiles + i) * TILE, &mut tile, out);
-                }
-            }
-        };
-        let threads = rayon::current_num_threads().min(jobs);
-        if threads <= 1 {
-            work();
+    /// Classifies the lanes of a job, evaluates those that the network must see, and
+    /// leaves S_n in the others.
+    fn run(&self, window: ArrayView2<'_, f32>, job: Job<'_>, worker: &mut Worker) {
+        let Job { first, values, status } = job;
+        let ok = classify(window, first, values, status);
+        if ok == values.len() {
+            self.evaluate(window, Lanes::From(first), &mut worker.tile, values);
         } else {
-            rayon::scope(|scope| (0..threads).for_each(|_| scope.spawn(|_| work())));
+            worker.list.clear();
+            list_ok(status, first, &mut worker.list);
+            worker.compact.resize(ok, 0.0);
+            let lanes = Lanes::These(&worker.list);
+            self.evaluate(window, lanes, &mut worker.tile, &mut worker.compact);
+            scatter(&worker.compact, &worker.list, first, values);
+        }
+        replace_non_finite(window, first, values, status);
+    }
+
+    /// Evaluates as many of `lanes` as `out` has room for, tile by tile.
+    fn evaluate(
+        &self,
+        window: ArrayView2<'_, f32>,
+        lanes: Lanes<'_>,
+        tile: &mut Tile,
+        out: &mut [f32],
+    ) {
+        for (i, out) in out.chunks_mut(TILE).enumerate() {
+            self.evaluate_tile(window, lanes, i * TILE, tile, out);
         }
     }
 
-    /// Evaluates the active lanes `first .. first + out.len()`.
+    /// Evaluates `out.len()` of `lanes`, from number `start` on.
     fn evaluate_tile(
         &self,
         window: ArrayView2<'_, f32>,
-        active: &Active,
-        first: usize,
+        lanes: Lanes<'_>,
+        start: usize,
         tile: &mut Tile,
         out: &mut [f32],
     ) {
         let packed = &*self.packed;
         match self.instructions {
             Instructions::Portable => {
-                run_tile::<Four>(packed, window, active, first, tile, out);
+                run_tile::<Four>(packed, window, lanes, start, tile, out);
             }
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)]
             // SAFETY: the constructor has asserted that the processor has them.
             Instructions::Avx2 => unsafe {
-                run_tile_avx2(packed, window, active, first, tile, out);
+                run_tile_avx2(packed, window, lanes, start, tile, out);
             },
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)]
             // SAFETY: the same.
             Instructions::Avx512 => unsafe {
-                run_tile_avx512(packed, window, active, first, tile, out);
+                run_tile_avx512(packed, window, lanes, start, tile, out);
             },
         }
     }
@@ -120,11 +131,50 @@ impl Transform for MlpCpu {
             out.fall_back(batch, Status::TooShort);
             return Ok(());
         };
-        out.transform_active(window, |active, out| {
-            self.evaluate(window, active, out);
-            Ok(())
-        })
+        let job = TILE * (JOB / self.network.flops_per_lane()).div_ceil(TILE).clamp(1, 64);
+        let (values, status) = out.reset(batch.lanes());
+        let jobs = values.len().div_ceil(job);
+        let queue = values.chunks_mut(job).zip(status.chunks_mut(job)).enumerate();
+        let queue =
+            Mutex::new(queue.map(|(i, (values, status))| Job { first: i * job, values, status }));
+        let work = || {
+            let mut worker = Worker {
+                tile: Tile::new(&self.packed, self.window(), TILE),
+                list: Vec::new(),
+                compact: Vec::new(),
+            };
+            loop {
+                let job = queue.lock().unwrap_or_else(PoisonError::into_inner).next();
+                let Some(job) = job else { break };
+                self.run(window, job, &mut worker);
+            }
+        };
+        // This thread begins at once; to wake others up takes as long as a small batch.
+        rayon::in_place_scope(|scope| {
+            for _ in 1..rayon::current_num_threads().min(jobs) {
+                scope.spawn(|_| work());
+            }
+            work();
+        });
+        Ok(())
     }
+}
+
+/// Lanes that one thread fetches at a time.
+struct Job<'a> {
+    /// The lane that `values` and `status` begin with.
+    first: usize,
+    values: &'a mut [f32],
+    status: &'a mut [Status],
+}
+
+/// What a thread keeps from job to job.
+struct Worker {
+    tile: Tile,
+    /// Lanes of a job that the network must see, where not all are.
+    list: Vec<u32>,
+    /// Their values.
+    compact: Vec<f32>,
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -132,12 +182,12 @@ impl Transform for MlpCpu {
 fn run_tile_avx2(
     packed: &Packed,
     window: ArrayView2<'_, f32>,
-    active: &Active,
-    first: usize,
+    lanes: Lanes<'_>,
+    start: usize,
     tile: &mut Tile,
     out: &mut [f32],
 ) {
-    run_tile::<Eight>(packed, window, active, first, tile, out);
+    run_tile::<Eight>(packed, window, lanes, start, tile, out);
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -145,12 +195,12 @@ fn run_tile_avx2(
 fn run_tile_avx512(
     packed: &Packed,
     window: ArrayView2<'_, f32>,
-    active: &Active,
-    first: usize,
+    lanes: Lanes<'_>,
+    start: usize,
     tile: &mut Tile,
     out: &mut [f32],
 ) {
-    run_tile::<Sixteen>(packed, window, active, first, tile, out);
+    run_tile::<Sixteen>(packed, window, lanes, start, tile, out);
 }
 
 /// Gathers a tile's inputs, evaluates the network, and writes one value per lane.
@@ -158,24 +208,23 @@ fn run_tile_avx512(
 fn run_tile<V: Vector>(
     packed: &Packed,
     window: ArrayView2<'_, f32>,
-    active: &Active,
-    first: usize,
+    lanes: Lanes<'_>,
+    start: usize,
     tile: &mut Tile,
     out: &mut [f32],
 ) {
-    let lanes = panel::<V>();
-    let panels = out.len().div_ceil(lanes);
+    let width = panel::<V>();
+    let panels = out.len().div_ceil(width);
     let terms = window.nrows();
-    for (p, panel) in tile.input().chunks_exact_mut(terms * lanes).take(panels).enumerate() {
-        let start = p * lanes;
-        let count = lanes.min(out.len() - start);
-        for (term, row) in window.rows().into_iter().zip(panel.chunks_exact_mut(lanes)) {
+    for (p, panel) in tile.input().chunks_exact_mut(terms * width).take(panels).enumerate() {
+        let count = width.min(out.len() - p * width);
+        for (term, row) in window.rows().into_iter().zip(panel.chunks_exact_mut(width)) {
             let term = term.to_slice().expect("a term of all lanes is contiguous");
-            if count == lanes {
+            if count == width {
                 // Of a length that is known when this is compiled.
-                active.gather(term, first + start, &mut row[..lanes]);
+                lanes.gather(term, start + p * width, &mut row[..width]);
             } else {
-                active.gather(term, first + start, &mut row[..count]);
+                lanes.gather(term, start + p * width, &mut row[..count]);
                 row[count..].fill(0.0);
             }
         }
