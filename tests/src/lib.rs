@@ -22,8 +22,8 @@ pub fn gpu() -> Option<Gpu> {
     let mode = std::env::var("NST_GPU").unwrap_or_else(|_| "auto".into());
     let gpu = match mode.as_str() {
         "off" => None,
-        "auto" => Gpu::open(AdapterKind::Any).ok(),
-        "require" => Some(Gpu::open(AdapterKind::Any).expect("NST_GPU=require")),
+        "auto" => Gpu::open_experimental(AdapterKind::Any).ok(),
+        "require" => Some(Gpu::open_experimental(AdapterKind::Any).expect("NST_GPU=require")),
         other => panic!("NST_GPU is '{other}', not require, auto or off"),
     };
     match &gpu {

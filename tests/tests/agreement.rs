@@ -22,37 +22,46 @@ const TOLERANCE_F16: f64 = 5e-3;
 struct Backend {
     name: String,
     tolerance: f64,
+    /// Rounds activations to f16, too.
+    half: bool,
     transform: Box<dyn Transform>,
 }
 
 /// All that can evaluate a network here: every instruction set, every kernel.
 fn backends(network: &Arc<Network>) -> Vec<Backend> {
     let mut backends = Vec::new();
-    let mut add = |name: String, tolerance, transform| {
-        backends.push(Backend { name, tolerance, transform });
+    let mut add = |name: String, tolerance, half, transform| {
+        backends.push(Backend { name, tolerance, half, transform });
     };
     for instructions in Instructions::available() {
         let mlp = MlpCpu::with_instructions(Arc::clone(network), instructions);
         add(
             format!("CPU, {}", instructions.name()),
             TOLERANCE,
+            false,
             Box::new(mlp) as Box<dyn Transform>,
         );
     }
     if let Some(gpu) = gpu() {
         let f16 = gpu.has_f16();
-        for kernel in [Kernel::Tiled, Kernel::Naive] {
+        for kernel in [Kernel::Tiled, Kernel::Naive, Kernel::Cooperative] {
+            let cooperative = kernel == Kernel::Cooperative;
+            let deep = network.layers().len() > 1 && network.metadata().window <= 32;
+            if cooperative && !(deep && gpu.has_cooperative_matrices()) {
+                continue; // few adapters have them
+            }
             for (precision, tolerance) in
                 [(Precision::F32, TOLERANCE), (Precision::F16, TOLERANCE_F16)]
             {
-                if precision == Precision::F16 && !f16 {
+                let half = precision == Precision::F16;
+                if half && !f16 || !half && cooperative {
                     continue;
                 }
                 let options = GpuOptions { kernel, precision };
                 let mlp = MlpGpu::with_options(gpu.clone(), Arc::clone(network), options)
                     .expect("the adapter runs this network");
                 let name = format!("GPU, {}, {}", kernel.name(), precision.name());
-                add(name, tolerance, Box::new(mlp));
+                add(name, tolerance, cooperative, Box::new(mlp));
             }
         }
     }
@@ -76,12 +85,13 @@ fn assert_agrees(network: Network, window: &Array2<f32>) {
     let expected_of_f16 = forward_f64(&in_f16(&network), window.view());
     // Through a layer of a few neurons, cancellation can magnify the rounding of weights.
     let wide = network.layers().iter().all(|layer| layer.inputs() >= 8);
-    for Backend { name, tolerance, transform } in backends(&network) {
+    for Backend { name, tolerance, half, transform } in backends(&network) {
         let estimates = apply(&*transform, &batch(window));
         assert_eq!(estimates.count(Status::Ok), window.ncols(), "{name}");
         if tolerance == TOLERANCE_F16 {
             let error = worst_error(estimates.values(), &expected_of_f16);
-            assert!(error <= TOLERANCE, "{name}, {}: {error:e} of f16", network.shape());
+            let tolerance = if half { TOLERANCE_F16 } else { TOLERANCE };
+            assert!(error <= tolerance, "{name}, {}: {error:e} of f16", network.shape());
             if !wide {
                 continue;
             }
@@ -152,7 +162,7 @@ fn pytorch_fixtures() {
         }
         let in_f32: Vec<_> = numbers(&io, "output").into_iter().map(|x| x as f32).collect();
         check("PyTorch in f32", &in_f32, TOLERANCE);
-        for Backend { name, tolerance, transform } in backends(&network) {
+        for Backend { name, tolerance, transform, .. } in backends(&network) {
             check(&name, apply(&*transform, &batch(&window)).values(), tolerance);
         }
     }

@@ -1,53 +1,104 @@
 //! A network on the GPU for as long as that works, then on the CPU.
 
-use std::sync::{
-    Arc,
-    atomic::{AtomicBool, Ordering},
+use std::{
+    cell::RefCell,
+    mem,
+    panic::resume_unwind,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    thread::{self, JoinHandle},
 };
 
 use nst_core::{Error, Estimates, MlpCpu, SequenceBatch, Transform};
 
-/// `gpu` until it fails, then `cpu`, with one warning on stderr. A batch on which the
-/// GPU fails is evaluated anew, so that no result depends on when that was.
-pub(crate) struct Fallback<G> {
-    gpu: G,
-    cpu: MlpCpu,
-    /// Set when the CPU takes over.
-    failed: Arc<AtomicBool>,
-}
+/// The name of the GPU that a transformation runs on, while it does.
+#[derive(Clone, Default)]
+pub(crate) struct Adapter(Arc<Mutex<Option<String>>>);
 
-impl<G> Fallback<G> {
-    /// Sets `failed` when the CPU takes over.
-    pub(crate) fn new(gpu: G, cpu: MlpCpu, failed: Arc<AtomicBool>) -> Self {
-        Self { gpu, cpu, failed }
+impl Adapter {
+    pub(crate) fn new(name: String) -> Self {
+        Self(Arc::new(Mutex::new(Some(name))))
+    }
+
+    pub(crate) fn name(&self) -> Option<String> {
+        self.lock().clone()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Option<String>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl<G: Transform> Transform for Fallback<G> {
+/// A GPU, if there is one, until it fails, then the CPU, with one warning on stderr. A
+/// batch on which the GPU fails is evaluated anew, so that no result depends on when
+/// that was.
+pub(crate) struct Fallback<G> {
+    gpu: RefCell<Stage<G>>,
+    cpu: MlpCpu,
+    adapter: Adapter,
+}
+
+enum Stage<G> {
+    /// Drivers take their time, in which the job's other parts go on.
+    Opening(JoinHandle<Result<(String, G), Error>>),
+    Open(G),
+    Failed,
+}
+
+impl<G: Transform + Send + 'static> Fallback<G> {
+    /// Opens the GPU on a thread of its own; `open` gives its name, too. `adapter` is
+    /// kept up to date.
+    pub(crate) fn new(
+        open: impl FnOnce() -> Result<(String, G), Error> + Send + 'static,
+        cpu: MlpCpu,
+        adapter: Adapter,
+    ) -> Self {
+        Self { gpu: RefCell::new(Stage::Opening(thread::spawn(open))), cpu, adapter }
+    }
+
+    /// Waits for a GPU that is being opened.
+    fn opened(stage: Stage<G>, adapter: &Adapter) -> Stage<G> {
+        let Stage::Opening(thread) = stage else { return stage };
+        match thread.join().unwrap_or_else(|panic| resume_unwind(panic)) {
+            Ok((name, gpu)) => {
+                *adapter.lock() = Some(name);
+                return Stage::Open(gpu);
+            }
+            // A machine without a GPU is nothing to warn of.
+            Err(Error::NoAdapter(_)) => {}
+            Err(error) => warn(&error),
+        }
+        Stage::Failed
+    }
+}
+
+impl<G: Transform + Send + 'static> Transform for Fallback<G> {
     fn window(&self) -> usize {
         self.cpu.window()
     }
 
     fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
-        if !self.failed.load(Ordering::Relaxed) {
-            match self.gpu.apply(batch, out) {
+        let mut stage = self.gpu.borrow_mut();
+        *stage = Self::opened(mem::replace(&mut *stage, Stage::Failed), &self.adapter);
+        if let Stage::Open(gpu) = &*stage {
+            match gpu.apply(batch, out) {
                 Ok(()) => return Ok(()),
                 Err(error) => warn(&error),
             }
-            self.failed.store(true, Ordering::Relaxed);
+            *stage = Stage::Failed;
+            *self.adapter.lock() = None;
         }
         self.cpu.apply(batch, out)
     }
 }
 
 /// Says that the CPU takes over.
-pub(crate) fn warn(error: &Error) {
+fn warn(error: &Error) {
     eprintln!("warning: {error}; going on with the CPU");
 }
 
 #[cfg(test)]
 mod tests {
-    use std::cell::Cell;
+    use std::sync::atomic::{AtomicU32, Ordering};
 
     use nst_core::Network;
 
@@ -56,7 +107,7 @@ mod tests {
     /// Fails from the second batch on, and leaves rubbish behind.
     struct Breaks {
         cpu: MlpCpu,
-        calls: Cell<u32>,
+        calls: Arc<AtomicU32>,
     }
 
     impl Transform for Breaks {
@@ -65,8 +116,7 @@ mod tests {
         }
 
         fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
-            self.calls.set(self.calls.get() + 1);
-            if self.calls.get() == 1 {
+            if self.calls.fetch_add(1, Ordering::Relaxed) == 0 {
                 return self.cpu.apply(batch, out);
             }
             *out = Estimates::default();
@@ -83,16 +133,24 @@ mod tests {
         let mut expected = Estimates::default();
         cpu.apply(&batch, &mut expected)?;
 
-        let breaks = Breaks { cpu: cpu.clone(), calls: Cell::new(0) };
-        let has_failed = Arc::new(AtomicBool::new(false));
-        let fallback = Fallback::new(breaks, cpu, Arc::clone(&has_failed));
-        for (batch_number, failed) in [(1, false), (2, true), (3, true)] {
+        let calls = Arc::new(AtomicU32::new(0));
+        let breaks = Breaks { cpu: cpu.clone(), calls: Arc::clone(&calls) };
+        let adapter = Adapter::default();
+        let open = || Ok(("a GPU".to_owned(), breaks));
+        let fallback = Fallback::new(open, cpu.clone(), adapter.clone());
+        for (batch_number, name) in [(1, Some("a GPU")), (2, None), (3, None)] {
             let mut estimates = Estimates::default();
             fallback.apply(&batch, &mut estimates)?;
             assert_eq!(estimates, expected, "batch {batch_number}");
-            assert_eq!(has_failed.load(Ordering::Relaxed), failed, "batch {batch_number}");
+            assert_eq!(adapter.name().as_deref(), name, "batch {batch_number}");
         }
-        assert_eq!(fallback.gpu.calls.get(), 2);
+        assert_eq!(calls.load(Ordering::Relaxed), 2);
+
+        let none = || Err::<(_, MlpCpu), _>(Error::NoAdapter("no driver".into()));
+        let fallback = Fallback::new(none, cpu, adapter.clone());
+        let mut estimates = Estimates::default();
+        fallback.apply(&batch, &mut estimates)?;
+        assert_eq!((estimates, adapter.name()), (expected, None));
         Ok(())
     }
 }

@@ -1,12 +1,9 @@
 //! Which transformation a command line stands for, and on what it runs.
 
-use std::sync::{
-    Arc,
-    atomic::{AtomicBool, Ordering},
-};
+use std::sync::Arc;
 
 use nst_core::{
-    BUILTIN, Error as CoreError, Identity, MlpCpu, Network, Transform,
+    BUILTIN, Identity, MlpCpu, Network, Transform,
     gpu::{AdapterKind, Gpu, MlpGpu},
     methods::method,
 };
@@ -14,7 +11,7 @@ use nst_core::{
 use crate::{
     args::{BackendArg, MethodArgs, TransformArg},
     error::Error,
-    fallback::{self, Fallback},
+    fallback::{Adapter, Fallback},
 };
 
 /// Terms that a rendering keeps where no network asks for a number.
@@ -42,10 +39,8 @@ pub(crate) struct Method {
     pub(crate) name: String,
     /// Why it was chosen, in words for the summary.
     pub(crate) reason: String,
-    /// The GPU's name.
-    pub(crate) adapter: Option<String>,
-    /// Whether the CPU has taken over from the GPU.
-    pub(crate) gpu_failed: Arc<AtomicBool>,
+    /// The GPU that is in use.
+    pub(crate) adapter: Adapter,
     pub(crate) transform: Box<dyn Transform>,
 }
 
@@ -100,9 +95,8 @@ impl Method {
     }
 
     /// The GPU that the transformation ran on, if it did not fail.
-    pub(crate) fn adapter(&self) -> Option<&str> {
-        let failed = self.gpu_failed.load(Ordering::Relaxed);
-        self.adapter.as_deref().filter(|_| !failed)
+    pub(crate) fn adapter(&self) -> Option<String> {
+        self.adapter.name()
     }
 
     /// `cpu` or `gpu`.
@@ -118,8 +112,7 @@ impl Method {
         Self {
             name: name.to_owned(),
             reason: reason.into(),
-            adapter: None,
-            gpu_failed: Arc::default(),
+            adapter: Adapter::default(),
             transform,
         }
     }
@@ -131,32 +124,26 @@ impl Method {
         backend: BackendArg,
     ) -> Result<Self, Error> {
         let network = Arc::new(network);
-        let on_gpu = |kind| {
-            let gpu = Gpu::open(kind)?;
-            let adapter = gpu.name().to_owned();
-            MlpGpu::new(gpu, Arc::clone(&network)).map(|mlp| (adapter, mlp))
-        };
         let cpu = MlpCpu::new(Arc::clone(&network));
-        let gpu_failed = Arc::default();
-        let (adapter, transform): (_, Box<dyn Transform>) = match backend {
-            BackendArg::Cpu => (None, Box::new(cpu)),
-            BackendArg::Gpu => {
-                let (adapter, mlp) = on_gpu(AdapterKind::Any).map_err(Error::Gpu)?;
-                (Some(adapter), Box::new(mlp))
-            }
-            BackendArg::Auto => match on_gpu(AdapterKind::Hardware) {
-                Ok((adapter, mlp)) => {
-                    (Some(adapter), Box::new(Fallback::new(mlp, cpu, Arc::clone(&gpu_failed))))
-                }
-                // A machine without a GPU is nothing to warn of.
-                Err(CoreError::NoAdapter(_)) => (None, Box::new(cpu)),
-                Err(error) => {
-                    fallback::warn(&error);
-                    (None, Box::new(cpu))
-                }
-            },
+        let on_gpu = move |kind| {
+            let gpu = Gpu::open(kind)?;
+            let name = gpu.name().to_owned();
+            MlpGpu::new(gpu, network).map(|mlp| (name, mlp))
         };
-        Ok(Self { name: name.into(), reason: reason.into(), adapter, gpu_failed, transform })
+        let mut adapter = Adapter::default();
+        let transform: Box<dyn Transform> = match backend {
+            BackendArg::Cpu => Box::new(cpu),
+            BackendArg::Gpu => {
+                let (name, mlp) = on_gpu(AdapterKind::Any).map_err(Error::Gpu)?;
+                adapter = Adapter::new(name);
+                Box::new(mlp)
+            }
+            BackendArg::Auto => {
+                let open = || on_gpu(AdapterKind::Hardware);
+                Box::new(Fallback::new(open, cpu, adapter.clone()))
+            }
+        };
+        Ok(Self { name: name.into(), reason: reason.into(), adapter, transform })
     }
 }
 

@@ -84,7 +84,7 @@ impl Stopwatch {
                 .as_ref()
                 .map(|render| render.paths as f64 / render.time.as_secs_f64()),
             backend: method.backend(),
-            adapter: method.adapter().map(str::to_owned),
+            adapter: method.adapter(),
             transform: method.name.clone(),
             lanes: counts.lanes,
             lanes_skipped: counts.skipped,

@@ -12,6 +12,7 @@ pub(crate) struct Bench {
     folder: TempDir,
 }
 
+#[allow(dead_code, reason = "no test needs all of it")]
 impl Bench {
     pub(crate) fn new() -> Self {
         Self { folder: tempfile::tempdir().expect("a temporary folder") }
@@ -48,6 +49,18 @@ impl Bench {
             .current_dir(self.folder.path())
             .output()
             .expect("the binary runs")
+    }
+
+    /// Whether there is an adapter, as NST_GPU allows; says so if there is none.
+    pub(crate) fn has_gpu(&self) -> bool {
+        let mode = std::env::var("NST_GPU").unwrap_or_else(|_| "auto".into());
+        let probe = format!("render --scene {} --spp 8 --size 4x4 --backend gpu", cornell());
+        let usable = mode != "off" && self.nst(&probe).status.success();
+        assert!(usable || mode != "require", "NST_GPU=require, but --backend gpu fails");
+        if !usable {
+            eprintln!("skipped: NST_GPU={mode} and no adapter");
+        }
+        usable
     }
 
     /// Runs `nst`, which must succeed, and returns its standard output.

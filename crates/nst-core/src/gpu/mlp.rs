@@ -2,17 +2,28 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use ndarray::ArrayView2;
+use ndarray::{Array2, ArrayView2};
 
 use super::{
     Gpu,
-    shader::{Kernel, Params, Precision, Variant, pack, pack_f16},
+    fault::{self, Fault},
+    shader::{Kernel, Packed, Params, Precision, Variant},
 };
-use crate::{Error, Estimates, Network, SequenceBatch, Status, Transform, transform::Active};
+use crate::{
+    Error, Estimates, MlpCpu, Network, SequenceBatch, Status, Transform, transform::Lanes,
+};
 
 /// Lanes per submission where the adapter sets no lower limit: 8 MiB of terms at
 /// window 8. Two are under way at a time.
 const MAX_CHUNK: u64 = 1 << 18;
+
+/// Lanes on which a kernel that nobody has tried on an adapter is compared with the CPU:
+/// no multiple of any tile.
+const COMPARED: usize = 333;
+
+/// How far it may be off, relative to the largest estimate. Rounding to f16 is some 10⁻³,
+/// and more where a network's terms cancel; a wrong kernel is off by about 1.
+const LARGEST_DIFFERENCE: f32 = 2e-2;
 
 /// How [`MlpGpu`] is to evaluate a network.
 #[derive(Clone, Copy, Debug, Default)]
@@ -33,6 +44,8 @@ pub struct MlpGpu {
     pipeline: wgpu::ComputePipeline,
     layers: wgpu::Buffer,
     weights: wgpu::Buffer,
+    /// Weights in f16, of the cooperative kernel.
+    halves: Option<wgpu::Buffer>,
     lanes_per_workgroup: u32,
     max_chunk: u32,
     /// Kept from batch to batch.
@@ -52,8 +65,8 @@ impl MlpGpu {
     /// The same, with a choice of kernel and precision.
     ///
     /// # Errors
-    /// As for [`Self::new`]; also if f16 is asked for and the adapter lacks it, or a
-    /// weight exceeds it.
+    /// As for [`Self::new`]; also if f16 or cooperative matrices are asked for and the
+    /// adapter lacks them, if a weight exceeds f16, or if cooperative matrices are wrong.
     pub fn with_options(
         gpu: Gpu,
         network: impl Into<Arc<Network>>,
@@ -61,11 +74,42 @@ impl MlpGpu {
     ) -> Result<Self, Error> {
         let network = network.into();
         let variant = Variant::new(&gpu, &network, options.kernel)?;
-        if options.precision == Precision::F16 && !gpu.has_f16() {
+        let half = options.precision == Precision::F16;
+        if half && !gpu.has_f16() {
             return Err(Error::Gpu(format!("{}: it has no f16", gpu.name)));
         }
-        let source = variant.source(options.precision);
-        Self::compile(gpu, network, &variant, options.precision, source)
+        if !half && options.kernel == Kernel::Cooperative {
+            return Err(Error::Gpu("cooperative matrices are in f16 only".into()));
+        }
+        let mut source = variant.source(options.precision);
+        if fault::wanted() == Some(Fault::Shader) {
+            source = source.replacen("leaky_relu", "leaky_rule", 1);
+        }
+        let mlp = Self::compile(gpu, network, &variant, options.precision, source)?;
+        if options.kernel == Kernel::Cooperative {
+            mlp.compare_with_cpu()?;
+        }
+        Ok(mlp)
+    }
+
+    /// Fails if the GPU does not compute what the CPU does, on some windows in [0, 1).
+    fn compare_with_cpu(&self) -> Result<(), Error> {
+        let window = Array2::from_shape_fn((self.window(), COMPARED), |(term, lane)| {
+            // Multiples of the golden ratio are spread evenly, and no two are equal.
+            ((1 + term * COMPARED + lane) as f32 * 0.618_034).fract()
+        });
+        let batch = SequenceBatch::new(window, (1..=self.window() as u32).collect())?;
+        let (mut on_gpu, mut on_cpu) = (Estimates::default(), Estimates::default());
+        self.apply(&batch, &mut on_gpu)?;
+        MlpCpu::new(Arc::clone(&self.network)).apply(&batch, &mut on_cpu)?;
+        let pairs = || on_gpu.values().iter().zip(on_cpu.values());
+        let error = pairs().map(|(gpu, cpu)| (gpu - cpu).abs()).fold(0.0, f32::max);
+        let scale = pairs().map(|(_, cpu)| cpu.abs()).fold(0.0, f32::max);
+        if on_gpu.status() == on_cpu.status() && error <= LARGEST_DIFFERENCE * scale {
+            return Ok(());
+        }
+        let name = &self.gpu.name;
+        Err(Error::Gpu(format!("{name}: its results differ from the CPU's by up to {error:e}")))
     }
 
     fn compile(
@@ -93,7 +137,7 @@ impl MlpGpu {
             },
             cache: None,
         });
-        let (table, packed) = pack(&network);
+        let Packed { layers, weights, halves } = variant.pack(&network, precision)?;
         // Not `create_buffer_init`, which panics if the device is lost.
         let upload = |label, contents: &[u8]| {
             let buffer = device.create_buffer(&wgpu::BufferDescriptor {
@@ -108,14 +152,12 @@ impl MlpGpu {
         let limits = device.limits();
         let most_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let too_small = || Error::Gpu(format!("{}: its buffers are too small", gpu.name));
-        if size_of_val(&packed[..]) as u64 > most_bytes {
+        if weights.len().max(halves.as_ref().map_or(0, Vec::len)) as u64 > most_bytes {
             return Err(too_small());
         }
-        let layers = upload("layers", bytemuck::cast_slice(&table));
-        let weights = match precision {
-            Precision::F32 => upload("weights", bytemuck::cast_slice(&packed)),
-            Precision::F16 => upload("weights", bytemuck::cast_slice(&pack_f16(&packed)?)),
-        };
+        let layers = upload("layers", bytemuck::cast_slice(&layers));
+        let weights = upload("weights", &weights);
+        let halves = halves.map(|halves| upload("halves", &halves));
         gpu.check()?;
 
         let bytes_per_lane = (network.metadata().window * size_of::<f32>()) as u64;
@@ -134,27 +176,28 @@ impl MlpGpu {
             pipeline,
             layers,
             weights,
+            halves,
             lanes_per_workgroup,
             max_chunk,
             buffers,
         })
     }
 
-    /// Uploads active lanes `first ..` and has them evaluated; `scratch` has their number.
+    /// Uploads `lanes` from number `first` on, and has them evaluated; `scratch` has their number.
     fn submit(
         &self,
         buffers: &mut Buffers,
         window: ArrayView2<'_, f32>,
-        active: &Active,
+        lanes: Lanes<'_>,
         first: usize,
         scratch: &mut [f32],
     ) {
-        let lanes = scratch.len();
+        let count = scratch.len();
         let bytes = size_of_val(scratch) as u64;
         let Gpu { device, queue, .. } = &self.gpu;
 
         let params = Params {
-            lanes: lanes as u32,
+            lanes: count as u32,
             window: window.nrows() as u32,
             layers: self.network.layers().len() as u32,
             negative_slope: self.network.metadata().negative_slope,
@@ -162,7 +205,7 @@ impl MlpGpu {
         queue.write_buffer(&buffers.params, 0, bytemuck::bytes_of(&params));
         for (t, term) in window.rows().into_iter().enumerate() {
             let term = term.to_slice().expect("a term of all lanes is contiguous");
-            active.gather(term, first, scratch);
+            lanes.gather(term, first, scratch);
             queue.write_buffer(&buffers.terms, t as u64 * bytes, bytemuck::cast_slice(scratch));
         }
         // A lane that the shader failed to write must not look like a result.
@@ -174,7 +217,7 @@ impl MlpGpu {
             let mut pass = encoder.begin_compute_pass(&Default::default());
             pass.set_pipeline(&self.pipeline);
             pass.set_bind_group(0, &buffers.bind_group, &[]);
-            pass.dispatch_workgroups((lanes as u32).div_ceil(self.lanes_per_workgroup), 1, 1);
+            pass.dispatch_workgroups((count as u32).div_ceil(self.lanes_per_workgroup), 1, 1);
         }
         encoder.copy_buffer_to_buffer(&buffers.estimates, 0, &buffers.staging, 0, bytes);
         buffers.submission = Some(queue.submit([encoder.finish()]));
@@ -195,11 +238,11 @@ impl MlpGpu {
         Ok(())
     }
 
-    /// Evaluates the active lanes, chunk by chunk, with two sets of buffers in turns.
+    /// Evaluates the lanes, chunk by chunk, with two sets of buffers in turns.
     fn evaluate(
         &self,
         window: ArrayView2<'_, f32>,
-        active: &Active,
+        lanes: Lanes<'_>,
         out: &mut [f32],
     ) -> Result<(), Error> {
         if out.is_empty() {
@@ -212,11 +255,17 @@ impl MlpGpu {
         let mut kept = kept.into_iter().filter(|buffers| buffers.lanes >= chunk);
         let mut buffers: Vec<_> =
             (0..sets).map(|_| kept.next().unwrap_or_else(|| Buffers::new(self, chunk))).collect();
+        if fault::wanted() == Some(Fault::Memory) {
+            self.gpu.failure.report(wgpu::Error::OutOfMemory { source: "a fault".into() });
+        }
         self.gpu.check()?;
 
         let mut under_way: Option<(usize, &mut [f32])> = None;
         for (i, out) in out.chunks_mut(chunk).enumerate() {
-            self.submit(&mut buffers[i % sets], window, active, i * chunk, out);
+            self.submit(&mut buffers[i % sets], window, lanes, i * chunk, out);
+            if fault::wanted() == Some(Fault::Lost) {
+                self.gpu.lose();
+            }
             if let Some((before, out)) = under_way.replace((i, out)) {
                 self.read_back(&mut buffers[before % sets], out)?;
             }
@@ -243,7 +292,7 @@ impl Transform for MlpGpu {
             out.fall_back(batch, Status::TooShort);
             return Ok(());
         };
-        out.transform_active(window, |active, out| self.evaluate(window, active, out))
+        out.transform_active(window, |lanes, out| self.evaluate(window, lanes, out))
     }
 }
 
@@ -280,10 +329,14 @@ impl Buffers {
             buffer("estimates", bytes, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC);
         let staging = buffer("staging", bytes, Usage::MAP_READ | Usage::COPY_DST);
         let bound = [&params, &mlp.layers, &mlp.weights, &terms, &estimates];
-        let entries = [0, 1, 2, 3, 4].map(|binding: u32| wgpu::BindGroupEntry {
-            binding,
-            resource: bound[binding as usize].as_entire_binding(),
-        });
+        let bound = bound.into_iter().chain(&mlp.halves);
+        let entries: Vec<_> = (0_u32..)
+            .zip(bound)
+            .map(|(binding, buffer)| wgpu::BindGroupEntry {
+                binding,
+                resource: buffer.as_entire_binding(),
+            })
+            .collect();
         let bind_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("mlp"),
             layout: &mlp.pipeline.get_bind_group_layout(0),
@@ -300,7 +353,7 @@ mod tests {
 
     /// Skipped where there is no adapter, as `NST_GPU` allows.
     #[test]
-    fn a_shader_that_does_not_compile_is_an_error() {
+    fn a_shader_that_does_not_compile_or_is_wrong_is_an_error() {
         let gpu = match std::env::var("NST_GPU").as_deref() {
             Ok("off") => return,
             Ok("require") => Gpu::open(AdapterKind::Any).expect("NST_GPU=require"),
@@ -318,6 +371,12 @@ mod tests {
         let variant = Variant::new(&gpu, &network, Kernel::Tiled).expect("it fits");
         let right = variant.source(Precision::F32);
         assert!(compile(&gpu, right.clone()).is_ok());
+        let wrong = right.replacen("params.negative_slope", "0.5", 1);
+        assert_ne!(wrong, right);
+        for (source, agrees) in [(right.clone(), true), (wrong, false)] {
+            let mlp = compile(&gpu, source).expect("it compiles");
+            assert_eq!(mlp.compare_with_cpu().is_ok(), agrees);
+        }
         for (good, bad) in [("leaky_relu", "leaky_rule"), ("params.lanes", "params.lane")] {
             let gpu = Gpu::open(AdapterKind::Any).expect("it opened before");
             let error = compile(&gpu, right.replacen(good, bad, 1)).expect_err(bad);

@@ -1,5 +1,6 @@
 //! Transformations as WGSL compute shaders through wgpu.
 
+mod fault;
 mod mlp;
 mod shader;
 
@@ -12,6 +13,7 @@ pub use mlp::{GpuOptions, MlpGpu};
 pub use shader::{Kernel, Precision};
 
 use crate::Error;
+use fault::Fault;
 
 /// No submission may take longer; a driver that hangs becomes an error.
 const TIMEOUT: Duration = Duration::from_secs(120);
@@ -45,8 +47,30 @@ pub struct Gpu {
     queue: wgpu::Queue,
     name: String,
     software: bool,
-    /// The first error that the device reported outside a call, such as its loss.
-    failure: Arc<Mutex<Option<String>>>,
+    /// If it was opened with them.
+    cooperative: Option<Cooperative>,
+    failure: Failure,
+}
+
+/// The first error that a device reported outside a call, such as its loss.
+#[derive(Clone, Debug, Default)]
+struct Failure(Arc<Mutex<Option<String>>>);
+
+impl Failure {
+    fn report(&self, error: wgpu::Error) {
+        self.note(match error {
+            wgpu::Error::OutOfMemory { .. } => "it is out of memory".to_owned(),
+            error => error.to_string(),
+        });
+    }
+
+    fn note(&self, message: String) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(message);
+    }
+
+    fn message(&self) -> Option<String> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
 }
 
 impl Gpu {
@@ -55,7 +79,8 @@ impl Gpu {
     /// # Errors
     /// [`Error::NoAdapter`] if there is none, [`Error::Gpu`] if it cannot be opened.
     pub fn open(kind: AdapterKind) -> Result<Self, Error> {
-        Self::open_with(kind, &LowerLimits::default())
+        let workgroup_bytes = (fault::wanted() == Some(Fault::Limits)).then_some(64);
+        Self::open_with(kind, &LowerLimits { workgroup_bytes, ..LowerLimits::default() })
     }
 
     /// The same, with lower limits than the adapter's own: a test of what runs where.
@@ -63,10 +88,23 @@ impl Gpu {
     /// # Errors
     /// As for [`Self::open`].
     pub fn open_with(kind: AdapterKind, lower: &LowerLimits) -> Result<Self, Error> {
-        pollster::block_on(Self::open_async(kind, lower))
+        pollster::block_on(Self::open_async(kind, lower, false))
     }
 
-    async fn open_async(kind: AdapterKind, lower: &LowerLimits) -> Result<Self, Error> {
+    /// The same, with what is experimental in wgpu: cooperative matrices, where the
+    /// adapter has them in f16 with sums in f32.
+    ///
+    /// # Errors
+    /// As for [`Self::open`].
+    pub fn open_experimental(kind: AdapterKind) -> Result<Self, Error> {
+        pollster::block_on(Self::open_async(kind, &LowerLimits::default(), true))
+    }
+
+    async fn open_async(
+        kind: AdapterKind,
+        lower: &LowerLimits,
+        experimental: bool,
+    ) -> Result<Self, Error> {
         let backends = wgpu::Backends::PRIMARY;
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
             backends,
@@ -80,13 +118,17 @@ impl Gpu {
             wgpu::DeviceType::Other => 3,
             wgpu::DeviceType::Cpu => 4,
         };
-        adapters.retain(|adapter| kind == AdapterKind::Any || rank(adapter) < 3);
+        let any = kind == AdapterKind::Any || fault::wanted().is_some();
+        adapters.retain(|adapter| any || rank(adapter) < 3);
         adapters.sort_by_key(rank);
         let adapter = adapters.into_iter().next().ok_or_else(|| {
             Error::NoAdapter("no Vulkan, Metal or Direct3D 12 driver offers one".into())
         })?;
 
         let info = adapter.get_info();
+        if fault::wanted() == Some(Fault::Open) {
+            return Err(Error::Gpu(format!("{}: it does not open", info.name)));
+        }
         let mut limits = adapter.limits();
         let lower_to = |limit: &mut u32, bound: Option<u32>| {
             *limit = (*limit).min(bound.unwrap_or(u32::MAX));
@@ -96,28 +138,36 @@ impl Gpu {
         lower_to(&mut limits.max_compute_workgroups_per_dimension, lower.workgroups);
         let bound = lower.binding_bytes.unwrap_or(u64::MAX);
         limits.max_storage_buffer_binding_size = limits.max_storage_buffer_binding_size.min(bound);
+        let cooperative = Cooperative::of(&adapter).filter(|_| experimental);
+        let mut features = adapter.features() & wgpu::Features::SHADER_F16;
+        let mut experimental_features = wgpu::ExperimentalFeatures::disabled();
+        if cooperative.is_some() {
+            features |= wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX;
+            #[allow(unsafe_code)]
+            // SAFETY: the caller has asked for what wgpu does not vouch for.
+            let enabled = unsafe { wgpu::ExperimentalFeatures::enabled() };
+            experimental_features = enabled;
+        }
         let (device, queue) = adapter
             .request_device(&wgpu::DeviceDescriptor {
                 label: Some("nst"),
-                required_features: adapter.features() & wgpu::Features::SHADER_F16,
+                required_features: features,
                 required_limits: limits,
+                experimental_features,
                 ..Default::default()
             })
             .await
             .map_err(|error| Error::Gpu(format!("{}: {error}", info.name)))?;
 
-        let failure = Arc::new(Mutex::new(None));
-        let note = |failure: &Mutex<Option<String>>, message: String| {
-            failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(message);
-        };
-        let on_error = Arc::clone(&failure);
-        device.on_uncaptured_error(Arc::new(move |error| note(&on_error, error.to_string())));
-        let on_lost = Arc::clone(&failure);
+        let failure = Failure::default();
+        let on_error = failure.clone();
+        device.on_uncaptured_error(Arc::new(move |error| on_error.report(error)));
+        let on_lost = failure.clone();
         device.set_device_lost_callback(move |_, message| {
-            note(&on_lost, format!("the device was lost: {message}"));
+            on_lost.note(format!("the device was lost: {message}"));
         });
         let software = info.device_type == wgpu::DeviceType::Cpu;
-        Ok(Self { device, queue, name: info.name, software, failure })
+        Ok(Self { device, queue, name: info.name, software, cooperative, failure })
     }
 
     /// The adapter's name, as its driver gives it.
@@ -138,6 +188,12 @@ impl Gpu {
         self.device.features().contains(wgpu::Features::SHADER_F16)
     }
 
+    /// Whether it takes [`Kernel::Cooperative`].
+    #[must_use]
+    pub fn has_cooperative_matrices(&self) -> bool {
+        self.cooperative.is_some()
+    }
+
     /// Loses the device, as a driver does that crashes; for tests.
     #[doc(hidden)]
     pub fn lose(&self) {
@@ -146,7 +202,7 @@ impl Gpu {
 
     /// Fails if the device has reported an error.
     fn check(&self) -> Result<(), Error> {
-        match &*self.failure.lock().unwrap_or_else(PoisonError::into_inner) {
+        match self.failure.message() {
             Some(message) => Err(Error::Gpu(format!("{}: {message}", self.name))),
             None => Ok(()),
         }
@@ -159,5 +215,36 @@ impl Gpu {
             Ok(_) => self.check(),
             Err(error) => Err(Error::Gpu(format!("{}: {error}", self.name))),
         }
+    }
+}
+
+/// Matrices that a subgroup multiplies together: f16 with sums in f32.
+#[derive(Clone, Copy, Debug)]
+struct Cooperative {
+    /// Rows and columns: 8 or 16.
+    size: u32,
+    /// Invocations per subgroup.
+    subgroup: u32,
+}
+
+impl Cooperative {
+    /// The largest that an adapter has, if its subgroups are all of one size.
+    fn of(adapter: &wgpu::Adapter) -> Option<Self> {
+        use wgpu::{CooperativeScalarType as Type, Features};
+        let info = adapter.get_info();
+        let needed = Features::EXPERIMENTAL_COOPERATIVE_MATRIX | Features::SHADER_F16;
+        let fixed = info.subgroup_min_size == info.subgroup_max_size;
+        if !(fixed && adapter.features().contains(needed)) {
+            return None;
+        }
+        let matrices = adapter.cooperative_matrix_properties();
+        let has = |size: &u32| {
+            matrices.iter().any(|matrix| {
+                [matrix.m_size, matrix.n_size, matrix.k_size] == [*size; 3]
+                    && (matrix.ab_type, matrix.cr_type) == (Type::F16, Type::F32)
+            })
+        };
+        let size = [16, 8].into_iter().find(has)?;
+        Some(Self { size, subgroup: info.subgroup_min_size })
     }
 }

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use half::f16;
 
-use super::Gpu;
+use super::{Cooperative, Gpu};
 use crate::{Error, Layer, Network};
 
 const COMMON: &str = include_str!("common.wgsl");
@@ -19,23 +19,35 @@ const TILED_BYTES: u32 = 4 * 4 * LANES_PER_GROUP;
 const NAIVE_WIDTH: u32 = 256;
 /// `LANES` of `naive.wgsl`.
 const NAIVE_LANES: u32 = 64;
-/// A way to evaluate a network in WGSL; both give the same results but for rounding.
+/// `SUBGROUPS` of `cooperative.wgsl`.
+const SUBGROUPS: u32 = 8;
+/// `WIDTH` of `cooperative.wgsl`.
+const COOPERATIVE_WIDTH: u32 = 256;
+/// `MAX_WINDOW` of `cooperative.wgsl`.
+const COOPERATIVE_WINDOW: u32 = 32;
+
+/// A way to evaluate a network in WGSL; all give the same results but for rounding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Kernel {
     /// Tiles of 4 neurons × 16 lanes per invocation; activations in workgroup memory.
     #[default]
     Tiled,
-    /// One lane per invocation, in private arrays: what the other is measured by.
+    /// One lane per invocation, in private arrays: what the others are measured by.
     Naive,
+    /// Matrices in f16 that a subgroup multiplies together, with sums in f32, where the
+    /// adapter has them: experimental, with [`Precision::F16`], on a [`Gpu`] from
+    /// [`Gpu::open_experimental`]. Refused if the results are wrong.
+    Cooperative,
 }
 
 impl Kernel {
-    /// `tiled` or `naive`.
+    /// `tiled`, `naive` or `cooperative`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Tiled => "tiled",
             Self::Naive => "naive",
+            Self::Cooperative => "cooperative",
         }
     }
 }
@@ -64,9 +76,11 @@ impl Precision {
 
 /// A kernel with its constants, for an adapter and a network.
 pub(super) struct Variant {
-    kernel: Kernel,
+    pub(super) kernel: Kernel,
     pub(super) constants: Vec<(&'static str, f64)>,
     pub(super) lanes_per_workgroup: u32,
+    /// Of cooperative matrices, or 0.
+    size: u32,
 }
 
 impl Variant {
@@ -88,7 +102,7 @@ impl Variant {
             Kernel::Naive => {
                 let lanes = NAIVE_LANES.min(most);
                 let constants = vec![("LANES", f64::from(lanes))];
-                Ok(Self { kernel, constants, lanes_per_workgroup: lanes })
+                Ok(Self { kernel, constants, lanes_per_workgroup: lanes, size: 0 })
             }
             Kernel::Tiled => {
                 let blocks = widest.div_ceil(4).next_power_of_two();
@@ -106,26 +120,69 @@ impl Variant {
                     ));
                 }
                 let constants = vec![("BLOCKS", f64::from(blocks)), ("GROUPS", f64::from(groups))];
-                Ok(Self { kernel, constants, lanes_per_workgroup: LANES_PER_GROUP * groups })
+                let lanes_per_workgroup = LANES_PER_GROUP * groups;
+                Ok(Self { kernel, constants, lanes_per_workgroup, size: 0 })
+            }
+            Kernel::Cooperative => {
+                let Some(Cooperative { size, subgroup }) = gpu.cooperative else {
+                    return refuse("it has no cooperative matrices, or was opened without".into());
+                };
+                let deep = network.layers().len() > 1;
+                if !deep || widest > COOPERATIVE_WIDTH || window > COOPERATIVE_WINDOW as usize {
+                    return refuse(format!(
+                        "the kernel takes hidden layers, one or more, of up to \
+                         {COOPERATIVE_WIDTH} neurons, and windows of up to {COOPERATIVE_WINDOW}"
+                    ));
+                }
+                let (lanes, threads) = (2 * size, subgroup * SUBGROUPS);
+                let bytes =
+                    lanes * (4 * COOPERATIVE_WINDOW + 2 * COOPERATIVE_WIDTH + 4 * size * SUBGROUPS);
+                if memory < bytes || most < threads {
+                    return refuse(format!(
+                        "it has {memory} bytes of workgroup memory and {most} invocations, \
+                         where {bytes} and {threads} are needed"
+                    ));
+                }
+                let rounds = widest.div_ceil(size * SUBGROUPS);
+                let constants =
+                    vec![("SUBGROUP", f64::from(subgroup)), ("ROUNDS", f64::from(rounds))];
+                Ok(Self { kernel, constants, lanes_per_workgroup: lanes, size })
             }
         }
     }
 
     pub(super) fn source(&self, precision: Precision) -> String {
-        source(self.kernel, precision)
+        source(self.kernel, precision, self.size)
+    }
+
+    pub(super) fn pack(&self, network: &Network, precision: Precision) -> Result<Packed, Error> {
+        if self.kernel == Kernel::Cooperative {
+            pack_cooperative(network, self.size as usize)
+        } else {
+            pack(network, precision)
+        }
     }
 }
 
-fn source(kernel: Kernel, precision: Precision) -> String {
-    let head = match precision {
-        Precision::F32 => "alias Weights = vec4<f32>;",
-        Precision::F16 => "enable f16;\nalias Weights = vec4<f16>;",
+/// `size` is that of cooperative matrices.
+fn source(kernel: Kernel, precision: Precision, size: u32) -> String {
+    let head = match (kernel, precision) {
+        (Kernel::Cooperative, _) => format!(
+            "enable f16;\nenable wgpu_cooperative_matrix;\nalias Weights = f32;\n\
+             const SIZE: u32 = {size};\n\
+             alias Left = coop_mat{size}x{size}<f16, A>;   // [neuron][input]\n\
+             alias Right = coop_mat{size}x{size}<f16, B>;  // [input][lane]\n\
+             alias Sums = coop_mat{size}x{size}<f32, C>;   // [neuron][lane]"
+        ),
+        (_, Precision::F32) => "alias Weights = vec4<f32>;".to_owned(),
+        (_, Precision::F16) => "enable f16;\nalias Weights = vec4<f16>;".to_owned(),
     };
     let kernel = match kernel {
         Kernel::Naive => include_str!("naive.wgsl"),
         Kernel::Tiled => include_str!("tiled.wgsl"),
+        Kernel::Cooperative => include_str!("cooperative.wgsl"),
     };
-    [head, COMMON, kernel].join("\n")
+    [&head, COMMON, kernel].join("\n")
 }
 
 /// `Params` of the shaders.
@@ -148,34 +205,73 @@ pub(super) struct LayerTable {
     biases: u32,
 }
 
-/// The weights as the shader reads them: per layer `[in][out / 4]` and then the
-/// biases `[out / 4]`, in vectors of four outputs padded with zeros.
-pub(super) fn pack(network: &Network) -> (Vec<LayerTable>, Vec<[f32; 4]>) {
+/// The weights as a shader reads them.
+pub(super) struct Packed {
+    pub(super) layers: Vec<LayerTable>,
+    /// The bytes of binding 2.
+    pub(super) weights: Vec<u8>,
+    /// The bytes of binding 5, of the cooperative kernel.
+    pub(super) halves: Option<Vec<u8>>,
+}
+
+/// Per layer `[in][out]` and then the biases `[out]`, padded to blocks of four outputs.
+fn pack(network: &Network, precision: Precision) -> Result<Packed, Error> {
     let mut packed = Vec::new();
-    let table = network
-        .layers()
-        .iter()
-        .map(|layer| {
-            let blocks = layer.outputs().div_ceil(4);
-            let weights = packed.len() as u32;
-            let columns = layer.weight.columns();
-            for values in columns.into_iter().chain([layer.bias.view()]) {
-                packed.extend((0..blocks).map(|block| {
-                    std::array::from_fn(|j| values.get(4 * block + j).copied().unwrap_or(0.0))
-                }));
-            }
-            let biases = packed.len() as u32 - blocks as u32;
-            LayerTable { inputs: layer.inputs() as u32, blocks: blocks as u32, weights, biases }
-        })
-        .collect();
-    (table, packed)
+    let layers = network.layers().iter().map(|layer| {
+        let weights = packed.len() as u32 / 4;
+        pack_matrix(layer, layer.inputs(), 4, &mut packed);
+        let biases = packed.len() as u32 / 4;
+        pack_biases(layer, 4, &mut packed);
+        let blocks = layer.outputs().div_ceil(4) as u32;
+        LayerTable { inputs: layer.inputs() as u32, blocks, weights, biases }
+    });
+    let layers = layers.collect();
+    let weights = match precision {
+        Precision::F32 => bytemuck::cast_slice(&packed).to_vec(),
+        Precision::F16 => bytemuck::cast_slice(&to_f16(&packed)?).to_vec(),
+    };
+    Ok(Packed { layers, weights, halves: None })
+}
+
+/// All biases, and the weights of the first layer, in f32; the other weights in f16,
+/// padded to blocks of `size` outputs and inputs. Biases are there once per lane of a
+/// matrix, `[lane][out]`.
+fn pack_cooperative(network: &Network, size: usize) -> Result<Packed, Error> {
+    let (mut singles, mut halves) = (Vec::new(), Vec::new());
+    let layers = network.layers().iter().enumerate().map(|(i, layer)| {
+        let inputs = if i == 0 { layer.inputs() } else { layer.inputs().next_multiple_of(size) };
+        let into = if i == 0 { &mut singles } else { &mut halves };
+        let weights = into.len() as u32;
+        pack_matrix(layer, inputs, size, into);
+        let biases = singles.len() as u32;
+        (0..size).for_each(|_| pack_biases(layer, size, &mut singles));
+        let blocks = layer.outputs().div_ceil(size) as u32;
+        LayerTable { inputs: inputs.div_ceil(size) as u32, blocks, weights, biases }
+    });
+    let layers = layers.collect();
+    let halves = bytemuck::cast_slice(&to_f16(&halves)?).to_vec();
+    Ok(Packed { layers, weights: bytemuck::cast_slice(&singles).to_vec(), halves: Some(halves) })
+}
+
+/// `[in][out]`, for so many inputs, and outputs padded with zeros to a multiple of `block`.
+fn pack_matrix(layer: &Layer, inputs: usize, block: usize, packed: &mut Vec<f32>) {
+    let outputs = layer.outputs().next_multiple_of(block);
+    for k in 0..inputs {
+        packed.extend((0..outputs).map(|o| layer.weight.get((o, k)).unwrap_or(&0.0)));
+    }
+}
+
+/// `[out]`, padded alike.
+fn pack_biases(layer: &Layer, block: usize, packed: &mut Vec<f32>) {
+    let outputs = layer.outputs().next_multiple_of(block);
+    packed.extend((0..outputs).map(|o| layer.bias.get(o).unwrap_or(&0.0)));
 }
 
 /// Packed weights in f16, or an error if one is too large for it.
-pub(super) fn pack_f16(packed: &[[f32; 4]]) -> Result<Vec<[u16; 4]>, Error> {
-    let rounded: Vec<_> = packed.iter().map(|weights| weights.map(f16::from_f32)).collect();
-    if rounded.iter().flatten().all(|weight| weight.is_finite()) {
-        Ok(rounded.iter().map(|weights| weights.map(f16::to_bits)).collect())
+fn to_f16(packed: &[f32]) -> Result<Vec<u16>, Error> {
+    let rounded: Vec<_> = packed.iter().copied().map(f16::from_f32).collect();
+    if rounded.iter().all(|weight| weight.is_finite()) {
+        Ok(rounded.into_iter().map(f16::to_bits).collect())
     } else {
         Err(Error::Gpu("a weight is too large for f16; use f32".into()))
     }
@@ -190,15 +286,21 @@ mod tests {
 
     use super::*;
 
-    const KERNELS: [Kernel; 2] = [Kernel::Tiled, Kernel::Naive];
+    const KERNELS: [Kernel; 3] = [Kernel::Tiled, Kernel::Naive, Kernel::Cooperative];
 
     fn module(kernel: Kernel, precision: Precision) -> naga::Module {
-        let source = source(kernel, precision);
-        naga::front::wgsl::parse_str(&source).expect("the shader parses")
+        parse(&source(kernel, precision, 16)).expect("the shader parses")
+    }
+
+    fn parse(source: &str) -> Result<naga::Module, naga::front::wgsl::ParseError> {
+        let capabilities = Capabilities::SHADER_FLOAT16 | Capabilities::COOPERATIVE_MATRIX;
+        let options = naga::front::wgsl::Options { parse_doc_comments: false, capabilities };
+        naga::front::wgsl::Frontend::new_with_options(options).parse(source)
     }
 
     fn is_valid(module: &naga::Module) -> bool {
-        let mut validator = Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16);
+        let capabilities = Capabilities::SHADER_FLOAT16 | Capabilities::COOPERATIVE_MATRIX;
+        let mut validator = Validator::new(ValidationFlags::all(), capabilities);
         validator.validate(module).inspect_err(|error| eprintln!("{error:?}")).is_ok()
     }
 
@@ -210,17 +312,17 @@ mod tests {
                 assert!(is_valid(&module(kernel, precision)), "{kernel:?}, {precision:?}");
             }
             // A store to the input, which is read-only, must be noticed.
-            let right = source(kernel, Precision::F32);
+            let right = source(kernel, Precision::F32, 8);
             let broken = right.replace("estimates[", "terms[");
             assert_ne!(broken, right);
-            assert!(!is_valid(&naga::front::wgsl::parse_str(&broken).expect("it still parses")));
+            assert!(!is_valid(&parse(&broken).expect("it still parses")));
         }
     }
 
     #[test]
     fn weights_beyond_f16_are_refused() {
-        assert_eq!(pack_f16(&[[1.0, -2.0, 0.0, 65504.0]]).ok().map(|w| w[0][0]), Some(0x3c00));
-        assert!(pack_f16(&[[0.0, 0.0, 7e4, 0.0]]).is_err());
+        assert_eq!(to_f16(&[1.0, -2.0, 0.0, 65504.0]).ok().map(|w| w[0]), Some(0x3c00));
+        assert!(to_f16(&[0.0, 0.0, 7e4, 0.0]).is_err());
     }
 
     /// Offsets and sizes as the shader compiler lays them out.

@@ -25,6 +25,9 @@ use peak::Product;
 /// Lanes that are compared with f64 before anything is timed, from either end.
 const CHECKED: usize = 128;
 
+/// How long a backend's turn takes at least, in seconds.
+const TURN: f64 = 0.02;
+
 /// The largest error, relative to the sum of magnitudes of the output layer.
 const TOLERANCE: f64 = 1e-5;
 
@@ -72,10 +75,11 @@ pub(super) fn run(args: &BenchInferenceArgs) -> Result<(), Error> {
             args.shapes.iter().map(|shape| random_network(shape.layers, shape.hidden)).collect()
         }
     };
+    let open = if args.variants { Gpu::open_experimental } else { Gpu::open };
     let gpu = match args.backend {
         InferenceBackend::Cpu => None,
-        InferenceBackend::Gpu => Some(Gpu::open(AdapterKind::Any).map_err(Error::Gpu)?),
-        InferenceBackend::All => Gpu::open(AdapterKind::Any)
+        InferenceBackend::Gpu => Some(open(AdapterKind::Any).map_err(Error::Gpu)?),
+        InferenceBackend::All => open(AdapterKind::Any)
             .inspect_err(|error| eprintln!("warning: {error}; measuring the CPU alone"))
             .ok(),
     };
@@ -131,10 +135,18 @@ fn backends(
         }
     }
     let Some(gpu) = gpu else { return Ok(backends) };
-    let kernels = [Kernel::Tiled, Kernel::Naive];
-    for &kernel in if args.variants { &kernels[..] } else { &kernels[..1] } {
+    let mut kernels = vec![Kernel::Tiled];
+    if args.variants {
+        kernels.push(Kernel::Naive);
+        kernels.extend(gpu.has_cooperative_matrices().then_some(Kernel::Cooperative));
+    }
+    for kernel in kernels {
         for precision in [Precision::F32, Precision::F16] {
-            if precision == Precision::F16 && !(args.variants && gpu.has_f16()) {
+            let runs = match precision {
+                Precision::F32 => kernel != Kernel::Cooperative,
+                Precision::F16 => args.variants && gpu.has_f16(),
+            };
+            if !runs {
                 continue;
             }
             let options = GpuOptions { kernel, precision };
@@ -167,11 +179,13 @@ fn measure(
     let mut product = Product::new(lanes);
     let mut peak = Vec::new();
     for _ in 0..args.runs {
-        peak.push(product.seconds());
+        peak.extend(turn(|| {
+            product.multiply();
+            Ok(())
+        })?);
         for backend in &mut backends {
-            let start = Instant::now();
-            backend.transform.apply(&batch, &mut estimates)?;
-            backend.seconds.push(start.elapsed().as_secs_f64());
+            let seconds = turn(|| backend.transform.apply(&batch, &mut estimates));
+            backend.seconds.extend(seconds?);
         }
     }
     let peak_seconds = median(peak);
@@ -205,6 +219,19 @@ fn measure(
         });
     }
     Ok(rows)
+}
+
+/// The seconds of each call of a turn, after one that is not timed: it finds the caches
+/// full of another backend's data, and threads asleep.
+fn turn(mut call: impl FnMut() -> Result<(), nst_core::Error>) -> Result<Vec<f64>, Error> {
+    call()?;
+    let mut seconds = Vec::new();
+    while seconds.iter().sum::<f64>() < TURN {
+        let start = Instant::now();
+        call()?;
+        seconds.push(start.elapsed().as_secs_f64());
+    }
+    Ok(seconds)
 }
 
 /// Compares both ends of the batch with the network in f64.
