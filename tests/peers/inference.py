@@ -1,11 +1,15 @@
-"""The same networks on the same inputs by `nst`, ONNX Runtime and PyTorch, on the CPU.
+"""The same networks on the same inputs by `nst` and by what else evaluates them.
 
     python tests/peers/inference.py -o docs/inference.csv
+    python tests/peers/inference.py --burn tests/peers/burn/target/release/nst-peer-burn \\
+        --lanes 2048 -o docs/inference-lavapipe.csv
 
-The three take turns, so that what else the machine does hits all; `gemm`, which `nst`
-measures beside itself, is a layer of 256 neurons alone. All use as many threads. `nst`
-comes from $NST, or from target/release. Before anything is timed, every program's
-answers are compared with the network in f64.
+On the CPU, `nst` is beside ONNX Runtime and PyTorch. With `--burn`, its kernels on the GPU
+are beside the framework Burn on the same one. All take turns, so that what else the
+machine does hits all; `gemm`, which `nst` measures beside itself, is a layer of 256 neurons
+alone, and `copy` moves as many bytes as sequences and estimates have. All use as many
+threads. `nst` comes from $NST, or from target/release. Before anything is timed, every
+program's answers are compared with the network in f64.
 """
 
 import argparse
@@ -33,6 +37,12 @@ SLOPE = np.float32(0.01)
 SHAPES = [(2, 32), (2, 64), (4, 64), (4, 128), (4, 256)]
 TOLERANCE = 1e-5
 """Relative to the sum of the magnitudes that the output layer adds up, as in Rust."""
+
+TURN = 0.02
+"""How many seconds a program's turn takes at least."""
+
+Name = tuple[str, str]
+"""Backend and adapter."""
 
 Layers = list[tuple[np.ndarray, np.ndarray]]
 """Per layer: weight [out, in], bias [out], in f32."""
@@ -123,18 +133,39 @@ def write_weights(path: Path, layers: Layers) -> None:
     save_file(tensors, path, metadata)
 
 
-def nst(path: Path, lanes: int, threads: int) -> tuple[float, float, str]:
-    """Seconds of `nst`, GFLOP/s of `gemm` beside it, and the instructions used."""
+def nst(path: Path, lanes: int, threads: int, gpu: bool) -> tuple[dict[Name, float], float]:
+    """Seconds of `nst` by backend and adapter, and the GFLOP/s of `gemm` beside it."""
     program = os.environ.get("NST", REPOSITORY / "target/release/nst")
     with tempfile.TemporaryDirectory() as folder:
         table = Path(folder, "rows.csv")
         command = [program, "bench", "inference", "--weights", path, "--lanes", lanes]
-        command += ["--backend", "cpu", "--threads", threads, "--runs", 5, "--quiet", "-o", table]
+        command += ["--threads", threads, "--runs", 3, "--quiet", "-o", table]
+        command += ["--backend", "gpu", "--variants"] if gpu else ["--backend", "cpu"]
         subprocess.run([str(part) for part in command], check=True)
         with table.open(newline="", encoding="utf-8") as file:
-            rows = {row["backend"]: row for row in csv.DictReader(file)}
-    cpu = rows["cpu"]
-    return float(cpu["milliseconds"]) / 1e3, float(rows["gemm"]["gflops"]), cpu["adapter"]
+            rows = {(row["backend"], row["adapter"]): row for row in csv.DictReader(file)}
+    gemm = float(rows.pop(("gemm", "256x256"))["gflops"])
+    return {name: float(row["milliseconds"]) / 1e3 for name, row in rows.items()}, gemm
+
+
+def burn(program: Path, path: Path, lanes: int) -> tuple[Name, float]:
+    """Burn's adapter and the median of its seconds; it checks its answers itself."""
+    command = [str(program), str(path), str(lanes), str(TURN)]
+    said = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+    adapter, milliseconds = said.strip().rsplit(";", 1)
+    return ("burn", adapter), float(milliseconds) / 1e3
+
+
+def copy(lanes: int) -> Callable[[], np.ndarray]:
+    """Reads and writes the bytes of `lanes` windows and estimates, half of them each."""
+    source = np.ones((WINDOW + 1) * lanes // 2, np.float32)
+    target = np.zeros_like(source)
+
+    def run() -> np.ndarray:
+        np.copyto(target, source)
+        return target
+
+    return run
 
 
 def onnx_runtime(layers: Layers, terms: np.ndarray, threads: int) -> Callable[[], np.ndarray]:
@@ -186,62 +217,61 @@ def pytorch(layers: Layers, terms: np.ndarray, threads: int) -> Callable[[], np.
     return run
 
 
-def median_of(call: Callable[[], np.ndarray], runs: int) -> float:
-    """The median time of some runs, as `nst` takes it."""
-    times = []
-    for _ in range(runs):
+def turn(call: Callable[[], np.ndarray]) -> list[float]:
+    """The seconds of each call, after one that wakes the threads up; as `nst` does it."""
+    call()
+    times: list[float] = []
+    while sum(times) < TURN:
         start = time.perf_counter()
         call()
         times.append(time.perf_counter() - start)
-    return statistics.median(times)
+    return times
 
 
-def measure(depth: int, hidden: int, lanes: int, rounds: int, threads: int) -> list[Row]:
+def measure(
+    depth: int, hidden: int, lanes: int, rounds: int, threads: int, burn_program: Path | None
+) -> list[Row]:
     layers, terms = random_layers(depth, hidden), inputs(lanes)
-    peers = {
-        f"onnxruntime {onnxruntime.__version__}": onnx_runtime(layers, terms, threads),
-        f"pytorch {torch.__version__}": pytorch(layers, terms, threads),
-    }
-    for name, call in peers.items():
+    peers: dict[Name, Callable[[], np.ndarray]] = {}
+    if burn_program is None:
+        peers["onnxruntime", onnxruntime.__version__] = onnx_runtime(layers, terms, threads)
+        peers["pytorch", torch.__version__] = pytorch(layers, terms, threads)
+    for (name, _), call in peers.items():
         check(name, layers, terms, call())
-    seconds: dict[str, list[float]] = {name: [] for name in ["cpu", *peers]}
+    peers["copy", "numpy"] = copy(lanes)
+    seconds: dict[Name, list[float]] = {}
     gemm = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "network.safetensors")
         write_weights(path, layers)
         for _ in range(rounds):
-            ours, peak, instructions = nst(path, lanes, threads)
-            seconds["cpu"].append(ours)
-            gemm.append(peak)
-            for name, call in peers.items():
-                call()  # wakes its threads up
-                seconds[name].append(median_of(call, 5))
+            times, rate = nst(path, lanes, threads, gpu=burn_program is not None)
+            gemm.append(rate)
+            if burn_program is not None:
+                name, time_of_burn = burn(burn_program, path, lanes)
+                times[name] = time_of_burn
+            times |= {name: statistics.median(turn(call)) for name, call in peers.items()}
+            for name, time_of_one in times.items():
+                seconds.setdefault(name, []).append(time_of_one)
+    flops = flops_per_lane(layers) * lanes
     peak = statistics.median(gemm)
+    # What the network would take at the rate of `gemm`: the floor by arithmetic.
+    seconds["gemm", "256x256"] = [flops / peak / 1e9]
     rows = []
     for name, times in seconds.items():
         median = statistics.median(times)
-        gflops = flops_per_lane(layers) * lanes / median / 1e9
-        backend, _, version = name.partition(" ")
+        gflops = 0.0 if name[0] == "copy" else flops / median / 1e9
         rows.append(
-            Row(
-                backend=backend,
-                adapter=version or instructions,
-                layers=depth,
-                hidden=hidden,
-                lanes=lanes,
-                milliseconds=1e3 * median,
-                gflops=gflops,
-                share_of_peak=gflops / peak,
-                threads=threads,
-            )
+            Row(*name, depth, hidden, lanes, 1e3 * median, gflops, gflops / peak, threads)
         )
-    gemm_ms = 2 * 256 * 256 * lanes / peak / 1e6
-    rows.append(Row("gemm", "256x256", 1, 256, lanes, gemm_ms, peak, 1.0, threads))
     return rows
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Compare nst, ONNX Runtime and PyTorch.")
+    parser = argparse.ArgumentParser(description="Compare nst with other programs.")
+    parser.add_argument(
+        "--burn", type=Path, metavar="PROGRAM", help="compare with this, on the GPU"
+    )
     parser.add_argument("--lanes", type=int, nargs="+", default=[1024, 16384, 262144])
     parser.add_argument("--rounds", type=int, default=7, help="turns of each (default: 7)")
     parser.add_argument("--threads", type=int, default=2, help="default: 2")
@@ -250,15 +280,13 @@ def main() -> None:
     rows = []
     for depth, hidden in SHAPES:
         for lanes in args.lanes:
-            new = measure(depth, hidden, lanes, args.rounds, args.threads)
+            new = measure(depth, hidden, lanes, args.rounds, args.threads, args.burn)
             rows += new
-            ours = new[0].milliseconds
-            what = ", ".join(
-                f"{row.backend} {row.milliseconds:.2f} ms ({row.milliseconds / ours:.2f})"
-                for row in new[1:-1]
-            )
-            share = f"{new[0].share_of_peak:.2f} of gemm's {new[-1].gflops:.0f} GFLOP/s"
-            print(f"{depth}x{hidden}, {lanes} lanes: nst {ours:.2f} ms, {share}; {what}")
+            print(f"{depth}x{hidden}, {lanes} lanes:")
+            for row in new:
+                ratio = row.milliseconds / new[0].milliseconds
+                what = f"{row.milliseconds:9.3f} ms {row.gflops:7.1f} GFLOP/s {ratio:6.2f}"
+                print(f"    {what}  {row.backend} {row.adapter}")
             sys.stdout.flush()
     if args.output:
         with args.output.open("w", newline="", encoding="utf-8") as file:
