@@ -91,6 +91,17 @@ impl<G: Transform + Send + 'static> Transform for Fallback<G> {
     }
 }
 
+impl<G> Drop for Fallback<G> {
+    /// Waits for a GPU that is being opened: drivers that are still loading when the
+    /// process ends have crashed it.
+    fn drop(&mut self) {
+        if let Stage::Opening(thread) = mem::replace(self.gpu.get_mut(), Stage::Failed) {
+            // Whatever came of it is of no use now.
+            let _ = thread.join();
+        }
+    }
+}
+
 /// Says that the CPU takes over.
 fn warn(error: &Error) {
     eprintln!("warning: {error}; going on with the CPU");
@@ -98,7 +109,10 @@ fn warn(error: &Error) {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::atomic::{AtomicU32, Ordering};
+    use std::{
+        sync::atomic::{AtomicU32, Ordering},
+        time::Duration,
+    };
 
     use nst_core::Network;
 
@@ -145,6 +159,18 @@ mod tests {
             assert_eq!(adapter.name().as_deref(), name, "batch {batch_number}");
         }
         assert_eq!(calls.load(Ordering::Relaxed), 2);
+
+        let opened = Arc::new(AtomicU32::new(0));
+        let slow = {
+            let opened = Arc::clone(&opened);
+            move || {
+                thread::sleep(Duration::from_millis(50));
+                opened.store(1, Ordering::Relaxed);
+                Err::<(_, MlpCpu), _>(Error::NoAdapter("no driver".into()))
+            }
+        };
+        drop(Fallback::new(slow, cpu.clone(), adapter.clone()));
+        assert_eq!(opened.load(Ordering::Relaxed), 1, "dropped while a driver was loading");
 
         let none = || Err::<(_, MlpCpu), _>(Error::NoAdapter("no driver".into()));
         let fallback = Fallback::new(none, cpu, adapter.clone());
