@@ -37,7 +37,7 @@ def test_a_fresh_network_gives_the_same_picture_in_pytorch_and_nst(
     assert cornell.estimates.shape == (3 * 12 * 10, 3, 10)
 
     config = load_config(CONFIG)
-    model = training.make_model(config)
+    model = training.make_model(config, torch.from_numpy(cornell.estimates))
     provenance = weights.Provenance(f"scene:{cornell.scene}", "8..10", "L2", 0, 1, "", "random")
     path = tmp_path / "fresh.safetensors"
     weights.save(path, model, provenance, dtype)
