@@ -110,17 +110,7 @@ impl Estimates {
             .enumerate()
             .map(|(i, (values, status))| classify(window, i * CLASSIFY, values, status))
             .sum();
-        if ok == values.len() {
-            evaluate(Lanes::From(0), values)?;
-        } else {
-            let mut list = Vec::with_capacity(ok);
-            list_ok(status, 0, &mut list);
-            let mut compact = vec![0.0; ok];
-            evaluate(Lanes::These(&list), &mut compact)?;
-            scatter(&compact, &list, 0, values);
-        }
-        replace_non_finite(window, 0, values, status);
-        Ok(())
+        Compact::default().evaluate(window, 0, ok, values, status, evaluate)
     }
 }
 
@@ -181,21 +171,48 @@ pub(crate) fn classify(
     ok
 }
 
-/// Appends the lanes whose status is [`Status::Ok`]; the first is lane `first` of the batch.
-pub(crate) fn list_ok(status: &[Status], first: usize, list: &mut Vec<u32>) {
-    let lanes = (first as u32..).zip(status);
-    list.extend(lanes.filter(|&(_, &status)| status == Status::Ok).map(|(lane, _)| lane));
+/// Room for the lanes that a network must see, where not all are; reused.
+#[derive(Default)]
+pub(crate) struct Compact {
+    list: Vec<u32>,
+    /// `[lane of list]`.
+    values: Vec<f32>,
 }
 
-/// Puts one value per lane of `list` where it belongs; `values` starts at lane `first`.
-pub(crate) fn scatter(compact: &[f32], list: &[u32], first: usize, values: &mut [f32]) {
-    for (&lane, &value) in list.iter().zip(compact) {
-        values[lane as usize - first] = value;
+impl Compact {
+    /// Lets `evaluate` compute those of lanes `first ..` whose status is [`Status::Ok`],
+    /// `ok` in number. A value that is not finite becomes S_n.
+    ///
+    /// # Errors
+    /// Those of `evaluate`.
+    pub(crate) fn evaluate<E>(
+        &mut self,
+        window: ArrayView2<'_, f32>,
+        first: usize,
+        ok: usize,
+        values: &mut [f32],
+        status: &mut [Status],
+        evaluate: impl FnOnce(Lanes<'_>, &mut [f32]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        if ok == values.len() {
+            evaluate(Lanes::From(first), values)?;
+        } else {
+            let lanes = (first as u32..).zip(&*status).filter(|&(_, &s)| s == Status::Ok);
+            self.list.clear();
+            self.list.extend(lanes.map(|(lane, _)| lane));
+            self.values.resize(ok, 0.0);
+            evaluate(Lanes::These(&self.list), &mut self.values)?;
+            for (&lane, &value) in self.list.iter().zip(&self.values) {
+                values[lane as usize - first] = value;
+            }
+        }
+        replace_non_finite(window, first, values, status);
+        Ok(())
     }
 }
 
 /// Sets lanes `first ..` to S_n where a network's value is not finite.
-pub(crate) fn replace_non_finite(
+fn replace_non_finite(
     window: ArrayView2<'_, f32>,
     first: usize,
     values: &mut [f32],

@@ -6,13 +6,16 @@
 mod kernel;
 mod vector;
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::{
+    convert::Infallible,
+    sync::{Arc, Mutex, PoisonError},
+};
 
 use ndarray::ArrayView2;
 
 use crate::{
     Error, Estimates, Network, SequenceBatch, Status, Transform,
-    transform::{Lanes, classify, list_ok, replace_non_finite, scatter},
+    transform::{Compact, Lanes, classify},
 };
 use kernel::{Packed, Tile, evaluate, panel};
 pub use vector::Instructions;
@@ -64,18 +67,12 @@ impl MlpCpu {
     /// leaves S_n in the others.
     fn run(&self, window: ArrayView2<'_, f32>, job: Job<'_>, worker: &mut Worker) {
         let Job { first, values, status } = job;
+        let Worker { tile, compact } = worker;
         let ok = classify(window, first, values, status);
-        if ok == values.len() {
-            self.evaluate(window, Lanes::From(first), &mut worker.tile, values);
-        } else {
-            worker.list.clear();
-            list_ok(status, first, &mut worker.list);
-            worker.compact.resize(ok, 0.0);
-            let lanes = Lanes::These(&worker.list);
-            self.evaluate(window, lanes, &mut worker.tile, &mut worker.compact);
-            scatter(&worker.compact, &worker.list, first, values);
-        }
-        replace_non_finite(window, first, values, status);
+        let Ok(()) = compact.evaluate(window, first, ok, values, status, |lanes, out| {
+            self.evaluate(window, lanes, tile, out);
+            Ok::<_, Infallible>(())
+        });
     }
 
     /// Evaluates as many of `lanes` as `out` has room for, tile by tile.
@@ -140,8 +137,7 @@ impl Transform for MlpCpu {
         let work = || {
             let mut worker = Worker {
                 tile: Tile::new(&self.packed, self.window(), TILE),
-                list: Vec::new(),
-                compact: Vec::new(),
+                compact: Compact::default(),
             };
             loop {
                 let job = queue.lock().unwrap_or_else(PoisonError::into_inner).next();
@@ -171,10 +167,7 @@ struct Job<'a> {
 /// What a thread keeps from job to job.
 struct Worker {
     tile: Tile,
-    /// Lanes of a job that the network must see, where not all are.
-    list: Vec<u32>,
-    /// Their values.
-    compact: Vec<f32>,
+    compact: Compact,
 }
 
 #[cfg(target_arch = "x86_64")]
