@@ -264,7 +264,7 @@ pub(crate) struct BenchInferenceArgs {
     /// Also time what would not be chosen: other instructions, other kernels, f16 weights.
     #[arg(long)]
     pub(crate) variants: bool,
-    /// Timed runs of each, of which the median counts.
+    /// Turns of each, of 20 ms or more; the median of all their calls counts.
     #[arg(long, default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) runs: u32,
     /// CSV file to write.

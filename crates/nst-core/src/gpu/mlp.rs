@@ -351,15 +351,15 @@ mod tests {
     use super::*;
     use crate::gpu::AdapterKind;
 
-    /// Skipped where there is no adapter, as `NST_GPU` allows.
+    /// Skipped where there is no adapter, as `NST_GPU` allows; it says so.
     #[test]
     fn a_shader_that_does_not_compile_or_is_wrong_is_an_error() {
         let gpu = match std::env::var("NST_GPU").as_deref() {
-            Ok("off") => return,
+            Ok("off") => return eprintln!("skipped: NST_GPU=off"),
             Ok("require") => Gpu::open(AdapterKind::Any).expect("NST_GPU=require"),
             _ => match Gpu::open(AdapterKind::Any) {
                 Ok(gpu) => gpu,
-                Err(_) => return,
+                Err(error) => return eprintln!("skipped: {error}"),
             },
         };
         let network = Network::builtin("families").expect("it is in the crate");

@@ -52,7 +52,8 @@ impl Kernel {
     }
 }
 
-/// How the GPU stores weights; sums and activations are always f32.
+/// How the GPU stores weights; sums are always f32, and so are activations but for those of
+/// [`Kernel::Cooperative`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Precision {
     /// As they are.
@@ -288,8 +289,8 @@ mod tests {
 
     const KERNELS: [Kernel; 3] = [Kernel::Tiled, Kernel::Naive, Kernel::Cooperative];
 
-    fn module(kernel: Kernel, precision: Precision) -> naga::Module {
-        parse(&source(kernel, precision, 16)).expect("the shader parses")
+    fn module(kernel: Kernel, precision: Precision, size: u32) -> naga::Module {
+        parse(&source(kernel, precision, size)).expect("the shader parses")
     }
 
     fn parse(source: &str) -> Result<naga::Module, naga::front::wgsl::ParseError> {
@@ -308,8 +309,10 @@ mod tests {
     #[test]
     fn every_variant_is_valid() {
         for kernel in KERNELS {
-            for precision in [Precision::F32, Precision::F16] {
-                assert!(is_valid(&module(kernel, precision)), "{kernel:?}, {precision:?}");
+            // Sizes are of cooperative matrices, precisions of the others.
+            for (precision, size) in [(Precision::F32, 8), (Precision::F16, 16)] {
+                let module = module(kernel, precision, size);
+                assert!(is_valid(&module), "{kernel:?}, {precision:?}, {size}");
             }
             // A store to the input, which is read-only, must be noticed.
             let right = source(kernel, Precision::F32, 8);
@@ -328,7 +331,7 @@ mod tests {
     /// Offsets and sizes as the shader compiler lays them out.
     #[test]
     fn structs_have_the_shaders_layout() {
-        let module = module(Kernel::Tiled, Precision::F32);
+        let module = module(Kernel::Tiled, Precision::F32, 0);
         let layout = |name: &str| {
             let (_, ty) = module
                 .types

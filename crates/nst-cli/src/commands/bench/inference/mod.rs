@@ -150,8 +150,14 @@ fn backends(
                 continue;
             }
             let options = GpuOptions { kernel, precision };
-            let mlp = MlpGpu::with_options(gpu.clone(), network.clone(), options);
-            let mlp = mlp.map_err(Error::Gpu)?;
+            let mlp = match MlpGpu::with_options(gpu.clone(), network.clone(), options) {
+                // Experimental: no reason to leave out the others.
+                Err(error) if kernel == Kernel::Cooperative => {
+                    eprintln!("warning: {error}; left out");
+                    continue;
+                }
+                mlp => mlp.map_err(Error::Gpu)?,
+            };
             let adapter = format!("{}, {}, {}", gpu.name(), kernel.name(), precision.name());
             let tolerance = if precision == Precision::F16 { TOLERANCE_F16 } else { TOLERANCE };
             add("gpu", adapter, tolerance, Box::new(mlp));
