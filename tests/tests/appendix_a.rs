@@ -9,22 +9,21 @@
 //! - Proposition 2: Var T_{n+1} / Var S_{n+1} = 1 + (g_{n+1}/(g_{n+1} − g_n))²/n
 //!   for the a_n g_n transformation.
 
-use nst_core::methods::{AnGn, Extrapolation, Scale};
+use nst_core::{
+    methods::{AnGn, Extrapolation, Scale},
+    random::SplitMix64,
+};
 
 const RUNS: usize = 400_000;
 const LAST: usize = 17;
 
-/// S_1 … S_17 of so many runs, of samples uniform on [0, 1).
+/// S_1 … S_17 of each run, of samples uniform on [0, 1).
 fn runs() -> impl Iterator<Item = [f64; LAST]> {
-    let mut state = 7_u64;
+    let mut random = SplitMix64(7);
     (0..RUNS).map(move |_| {
         let mut sum = 0.0;
         std::array::from_fn(|i| {
-            // SplitMix64 (Steele, Lea, Flood 2014).
-            state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-            sum += ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64;
+            sum += random.uniform();
             sum / (i + 1) as f64
         })
     })

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Parser, Subcommand, ValueEnum};
 use nst_core::{BUILTIN, methods::METHODS};
+use nst_files::output::Name;
 use nst_render::{PixelFilter, SamplerKind};
 
 use crate::error::Error;
@@ -27,6 +28,23 @@ pub(crate) enum Command {
     Bench(BenchArgs),
 }
 
+impl Command {
+    /// The options that all commands have.
+    pub(crate) fn common(&self) -> &CommonArgs {
+        match self {
+            Self::Render(args) => &args.common,
+            Self::Transform(args) => &args.common,
+            Self::Pack(args) => &args.common,
+            Self::Merge(args) => &args.common,
+            Self::Info(args) => &args.common,
+            Self::Compare(args) => &args.common,
+            Self::Bench(BenchArgs { bench: Bench::Inference(args) }) => &args.common,
+            Self::Bench(BenchArgs { bench: Bench::Scene(args) }) => &args.common,
+            Self::Bench(BenchArgs { bench: Bench::Stability(args) }) => &args.common,
+        }
+    }
+}
+
 /// Render a scene, transform each pixel's sequence, write EXR and PNG.
 #[derive(Debug, clap::Args)]
 #[command(group(ArgGroup::new("stored").args(["sequence", "resume", "runs"]).multiple(true)))]
@@ -41,7 +59,7 @@ pub(crate) struct RenderArgs {
     /// (.safetensors). [default: the scene's name, in this folder]
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
-    /// Render so many independent runs into a dataset for training instead of a
+    /// Render this many independent runs into a dataset for training instead of a
     /// picture; the seeds count up from --seed.
     #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "sequence")]
     pub(crate) runs: Option<u32>,
@@ -160,9 +178,8 @@ pub(crate) struct InfoArgs {
     /// The file.
     #[arg(value_name = "FILE")]
     pub(crate) file: PathBuf,
-    /// Print one JSON object.
-    #[arg(long)]
-    pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) common: CommonArgs,
 }
 
 /// Compare pictures with a reference: MSE, relMSE and SMAPE.
@@ -355,6 +372,11 @@ impl RenderArgs {
                 path.display()
             ))),
         }
+    }
+
+    /// Who chose that name.
+    pub(crate) fn output_name(&self) -> Name {
+        if self.output.is_some() { Name::Given } else { Name::Default }
     }
 }
 

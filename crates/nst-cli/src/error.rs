@@ -8,6 +8,8 @@ pub(crate) enum Error {
     #[error(transparent)]
     Render(#[from] nst_render::Error),
     #[error(transparent)]
+    Files(#[from] nst_files::Error),
+    #[error(transparent)]
     Core(#[from] nst_core::Error),
     #[error("weights '{}': {source}", path.display())]
     Weights { path: PathBuf, source: nst_core::Error },
@@ -15,12 +17,18 @@ pub(crate) enum Error {
     Csv { path: PathBuf, source: csv::Error },
     #[error("--backend gpu: {0}; --backend cpu needs none")]
     Gpu(nst_core::Error),
+    /// The samples are saved, but the transformation did not come about.
+    #[error("the transformation failed: {why}; {saved}")]
+    Transform { why: String, saved: String },
     /// Files that do not fit together; the message names them.
     #[error("{0}")]
-    Files(String),
+    Unlike(String),
+    #[error("cannot write to standard output: {0}")]
+    Stdout(std::io::Error),
     #[error("cannot watch for Ctrl-C: {0}")]
     CtrlC(#[from] ctrlc::Error),
-    /// Ctrl-C ended the job early; the exit code is that of a program so ended.
+    /// Ctrl-C ended the job before there was anything to report; the exit code is that of
+    /// a program so ended.
     #[error("{0}")]
     Interrupted(String),
     /// The command line is wrong; the exit code says so.

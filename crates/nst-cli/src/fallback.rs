@@ -1,14 +1,18 @@
 //! A network on the GPU for as long as that works, then on the CPU.
 
 use std::{
-    cell::RefCell,
+    any::Any,
     mem,
-    panic::resume_unwind,
+    panic::{AssertUnwindSafe, catch_unwind},
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     thread::{self, JoinHandle},
 };
 
-use nst_core::{Error, Estimates, MlpCpu, SequenceBatch, Transform};
+use nst_core::{
+    Error, Estimates, Fitted, MlpCpu, Requirements, SequenceBatch, Strips, Transform,
+};
+
+use crate::report::complain;
 
 /// The name of the GPU that a transformation runs on, while it does.
 #[derive(Clone, Default)]
@@ -32,7 +36,7 @@ impl Adapter {
 /// batch on which the GPU fails is evaluated anew, so that no result depends on when
 /// that was.
 pub(crate) struct Fallback<G> {
-    gpu: RefCell<Stage<G>>,
+    gpu: Mutex<Stage<G>>,
     cpu: MlpCpu,
     adapter: Adapter,
 }
@@ -44,7 +48,7 @@ enum Stage<G> {
     Failed,
 }
 
-impl<G: Transform + Send + 'static> Fallback<G> {
+impl<G: Fitted + 'static> Fallback<G> {
     /// Opens the GPU on a thread of its own; `open` gives its name, too. `adapter` is
     /// kept up to date.
     pub(crate) fn new(
@@ -52,13 +56,14 @@ impl<G: Transform + Send + 'static> Fallback<G> {
         cpu: MlpCpu,
         adapter: Adapter,
     ) -> Self {
-        Self { gpu: RefCell::new(Stage::Opening(thread::spawn(open))), cpu, adapter }
+        Self { gpu: Mutex::new(Stage::Opening(thread::spawn(open))), cpu, adapter }
     }
 
     /// Waits for a GPU that is being opened.
     fn opened(stage: Stage<G>, adapter: &Adapter) -> Stage<G> {
         let Stage::Opening(thread) = stage else { return stage };
-        match thread.join().unwrap_or_else(|panic| resume_unwind(panic)) {
+        let opened = thread.join().unwrap_or_else(|panic| Err(Error::Gpu(message_of(&*panic))));
+        match opened {
             Ok((name, gpu)) => {
                 *adapter.lock() = Some(name);
                 return Stage::Open(gpu);
@@ -71,31 +76,51 @@ impl<G: Transform + Send + 'static> Fallback<G> {
     }
 }
 
-impl<G: Transform + Send + 'static> Transform for Fallback<G> {
-    fn window(&self) -> usize {
-        self.cpu.window()
+impl<G: Fitted + 'static> Transform for Fallback<G> {
+    fn requires(&self) -> Requirements {
+        self.cpu.requires()
     }
 
-    fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
-        let mut stage = self.gpu.borrow_mut();
+    fn fit<'a>(&'a self, _: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
+        Ok(Box::new(self))
+    }
+}
+
+impl<G: Fitted + 'static> Fitted for Fallback<G> {
+    fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
+        let mut stage = self.gpu.lock().unwrap_or_else(PoisonError::into_inner);
         *stage = Self::opened(mem::replace(&mut *stage, Stage::Failed), &self.adapter);
         if let Stage::Open(gpu) = &*stage {
-            match gpu.apply(batch, out) {
+            match caught(|| gpu.apply(strip, out)) {
                 Ok(()) => return Ok(()),
                 Err(error) => warn(&error),
             }
             *stage = Stage::Failed;
             *self.adapter.lock() = None;
         }
-        self.cpu.apply(batch, out)
+        self.cpu.apply(strip, out)
     }
+}
+
+/// Does `work` on a GPU; a driver that panics has failed.
+pub(crate) fn caught<T>(work: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
+    // What `work` has left half done is not looked at again.
+    catch_unwind(AssertUnwindSafe(work))
+        .unwrap_or_else(|panic| Err(Error::Gpu(message_of(&*panic))))
+}
+
+/// What a panic said.
+fn message_of(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("a panic").to_owned()
 }
 
 impl<G> Drop for Fallback<G> {
     /// Waits for a GPU that is being opened: drivers that are still loading when the
     /// process ends have crashed it.
     fn drop(&mut self) {
-        if let Stage::Opening(thread) = mem::replace(self.gpu.get_mut(), Stage::Failed) {
+        let stage = self.gpu.get_mut().unwrap_or_else(PoisonError::into_inner);
+        if let Stage::Opening(thread) = mem::replace(stage, Stage::Failed) {
             // Whatever came of it is of no use now.
             let _ = thread.join();
         }
@@ -104,7 +129,7 @@ impl<G> Drop for Fallback<G> {
 
 /// Says that the CPU takes over.
 fn warn(error: &Error) {
-    eprintln!("warning: {error}; going on with the CPU");
+    complain(&format!("warning: {error}; going on with the CPU"));
 }
 
 #[cfg(test)]
@@ -122,18 +147,16 @@ mod tests {
     struct Breaks {
         cpu: MlpCpu,
         calls: Arc<AtomicU32>,
+        panics: bool,
     }
 
-    impl Transform for Breaks {
-        fn window(&self) -> usize {
-            self.cpu.window()
-        }
-
+    impl Fitted for Breaks {
         fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
             if self.calls.fetch_add(1, Ordering::Relaxed) == 0 {
                 return self.cpu.apply(batch, out);
             }
             *out = Estimates::default();
+            assert!(!self.panics, "the driver panics");
             Err(Error::Gpu("the device was lost".into()))
         }
     }
@@ -145,20 +168,22 @@ mod tests {
         let samples: Vec<f32> = (0..9 * 5).map(|i| ((i * i) % 11) as f32).collect();
         let batch = SequenceBatch::from_samples(5, &samples)?;
         let mut expected = Estimates::default();
-        cpu.apply(&batch, &mut expected)?;
+        cpu.transform(&batch, &mut expected)?;
 
-        let calls = Arc::new(AtomicU32::new(0));
-        let breaks = Breaks { cpu: cpu.clone(), calls: Arc::clone(&calls) };
         let adapter = Adapter::default();
-        let open = || Ok(("a GPU".to_owned(), breaks));
-        let fallback = Fallback::new(open, cpu.clone(), adapter.clone());
-        for (batch_number, name) in [(1, Some("a GPU")), (2, None), (3, None)] {
-            let mut estimates = Estimates::default();
-            fallback.apply(&batch, &mut estimates)?;
-            assert_eq!(estimates, expected, "batch {batch_number}");
-            assert_eq!(adapter.name().as_deref(), name, "batch {batch_number}");
+        for panics in [false, true] {
+            let calls = Arc::new(AtomicU32::new(0));
+            let breaks = Breaks { cpu: cpu.clone(), calls: Arc::clone(&calls), panics };
+            let open = || Ok(("a GPU".to_owned(), breaks));
+            let fallback = Fallback::new(open, cpu.clone(), adapter.clone());
+            for (batch_number, name) in [(1, Some("a GPU")), (2, None), (3, None)] {
+                let mut estimates = Estimates::default();
+                fallback.apply(&batch, &mut estimates)?;
+                assert_eq!(estimates, expected, "batch {batch_number}");
+                assert_eq!(adapter.name().as_deref(), name, "batch {batch_number}");
+            }
+            assert_eq!(calls.load(Ordering::Relaxed), 2);
         }
-        assert_eq!(calls.load(Ordering::Relaxed), 2);
 
         let opened = Arc::new(AtomicU32::new(0));
         let slow = {
@@ -172,11 +197,15 @@ mod tests {
         drop(Fallback::new(slow, cpu.clone(), adapter.clone()));
         assert_eq!(opened.load(Ordering::Relaxed), 1, "dropped while a driver was loading");
 
-        let none = || Err::<(_, MlpCpu), _>(Error::NoAdapter("no driver".into()));
-        let fallback = Fallback::new(none, cpu, adapter.clone());
-        let mut estimates = Estimates::default();
-        fallback.apply(&batch, &mut estimates)?;
-        assert_eq!((estimates, adapter.name()), (expected, None));
+        type Opened = Result<(String, MlpCpu), Error>;
+        let none: fn() -> Opened = || Err(Error::NoAdapter("no driver".into()));
+        let panic: fn() -> Opened = || panic!("the driver panics while it loads");
+        for open in [none, panic] {
+            let fallback = Fallback::new(open, cpu.clone(), adapter.clone());
+            let mut estimates = Estimates::default();
+            fallback.apply(&batch, &mut estimates)?;
+            assert_eq!((&estimates, adapter.name()), (&expected, None));
+        }
         Ok(())
     }
 }

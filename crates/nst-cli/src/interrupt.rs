@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::error::Error;
+use crate::{error::Error, report::complain};
 
 /// What a shell reports of a program that SIGINT has ended: 128 + 2.
 pub(crate) const EXIT_CODE: u8 = 130;
@@ -16,7 +16,7 @@ pub(crate) fn watch() -> Result<(), Error> {
         if ASKED.swap(true, Ordering::Relaxed) {
             std::process::exit(EXIT_CODE.into());
         }
-        eprintln!("finishing this pass and the files; press Ctrl-C again to quit at once");
+        complain("finishing this pass and the files; press Ctrl-C again to quit at once");
     })?;
     Ok(())
 }

@@ -6,35 +6,46 @@ mod error;
 mod fallback;
 mod interrupt;
 mod method;
+mod report;
 mod summary;
 
 use std::process::ExitCode;
 
 use clap::Parser;
 
-use args::{Args, Command};
+use args::{Args, CommonArgs};
 use error::Error;
+use report::{complain, print};
 
 fn main() -> ExitCode {
     let args = Args::parse();
-    let result = match &args.command {
-        Command::Render(args) => commands::render::run(args),
-        Command::Transform(args) => commands::transform::run(args),
-        Command::Pack(args) => commands::pack::run(args),
-        Command::Merge(args) => commands::merge::run(args),
-        Command::Info(args) => commands::info::run(args),
-        Command::Compare(args) => commands::compare::run(args),
-        Command::Bench(args) => commands::bench::run(args),
-    };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(Error::Interrupted(message)) => {
-            eprintln!("stopped: {message}");
+    match run(&args) {
+        Ok(None) => ExitCode::SUCCESS,
+        Ok(Some(missing)) | Err(Error::Interrupted(missing)) => {
+            complain(&format!("stopped: {missing}"));
             ExitCode::from(interrupt::EXIT_CODE)
         }
         Err(error) => {
-            eprintln!("error: {error}");
+            complain(&format!("error: {error}"));
             ExitCode::from(if matches!(error, Error::Usage(_)) { 2 } else { 1 })
         }
     }
+}
+
+/// Runs the command and prints its report; returns what is missing if it ended early.
+fn run(args: &Args) -> Result<Option<String>, Error> {
+    let common = args.command.common();
+    set_threads(common)?;
+    let done = commands::run(&args.command)?;
+    print(&*done.report, common)?;
+    Ok(done.early)
+}
+
+/// Sets the number of threads of everything that follows.
+fn set_threads(common: &CommonArgs) -> Result<(), Error> {
+    let Some(threads) = common.threads else { return Ok(()) };
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(usize::from(threads))
+        .build_global()
+        .map_err(|error| Error::Usage(format!("--threads {threads}: {error}")))
 }

@@ -84,7 +84,7 @@ impl Method {
 
     /// Fails if fewer terms are at hand than the method reads; `advice` says what to do then.
     pub(crate) fn check_terms(&self, terms: usize, advice: &str) -> Result<(), Error> {
-        let window = self.transform.window();
+        let window = self.transform.requires().window;
         if terms < window {
             return Err(Error::Usage(format!(
                 "'{}' reads the last {window} terms of a sequence, but there are {terms}; {advice}",

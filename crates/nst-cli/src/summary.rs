@@ -1,16 +1,17 @@
-//! What a command says when it is done.
+//! What rendering and transforming say when they are done.
 
 use std::{
+    borrow::Cow,
     fmt,
     time::{Duration, Instant},
 };
 
-use nst_core::{Estimates, Status};
+use nst_core::{Error as CoreError, Estimates, SequenceBatch, Status, Strips};
 use serde::Serialize;
 
-use crate::{args::CommonArgs, method::Method};
+use crate::method::Method;
 
-/// The times and counts of a job; `--json` prints it as it is.
+/// The times and counts of a job.
 #[derive(Debug, Serialize)]
 pub(crate) struct Summary {
     render_seconds: Option<f64>,
@@ -23,13 +24,15 @@ pub(crate) struct Summary {
     backend: &'static str,
     adapter: Option<String>,
     transform: String,
+    /// Why this transformation.
+    reason: String,
     lanes: usize,
     lanes_skipped: usize,
     lanes_fallen_back: usize,
-    #[serde(skip)]
-    reason: String,
-    #[serde(skip)]
-    written: Vec<String>,
+    /// What was written.
+    files: Vec<String>,
+    /// What was assumed, and what was lost.
+    notes: Vec<String>,
 }
 
 /// What became of the lanes of one or several batches.
@@ -72,26 +75,43 @@ impl Stopwatch {
         render: Option<RenderStats>,
         method: &Method,
         counts: LaneCounts,
-        written: Vec<String>,
+        files: Vec<String>,
+        notes: Vec<String>,
     ) -> Summary {
+        let rate = |render: &RenderStats| render.paths as f64 / render.time.as_secs_f64();
         Summary {
             render_seconds: render.as_ref().map(|render| render.time.as_secs_f64()),
             build_seconds: render.as_ref().map(|render| render.build_time.as_secs_f64()),
             transform_seconds: self.transform.as_secs_f64(),
             io_seconds: self.io.as_secs_f64(),
             total_seconds: self.start.elapsed().as_secs_f64(),
-            paths_per_second: render
-                .as_ref()
-                .map(|render| render.paths as f64 / render.time.as_secs_f64()),
+            paths_per_second: render.as_ref().map(rate),
             backend: method.backend(),
             adapter: method.adapter(),
             transform: method.name.clone(),
+            reason: method.reason.clone(),
             lanes: counts.lanes,
             lanes_skipped: counts.skipped,
             lanes_fallen_back: counts.fallen_back,
-            reason: method.reason.clone(),
-            written,
+            files,
+            notes,
         }
+    }
+}
+
+/// Strips that say how long it takes to read them.
+pub(crate) struct TimedStrips<'a> {
+    pub(crate) strips: &'a mut dyn Strips,
+    pub(crate) time: Duration,
+}
+
+impl Strips for TimedStrips<'_> {
+    fn rewind(&mut self, halo: u32) -> Result<(), CoreError> {
+        self.strips.rewind(halo)
+    }
+
+    fn next_strip(&mut self) -> Result<Option<Cow<'_, SequenceBatch>>, CoreError> {
+        timed(&mut self.time, || self.strips.next_strip())
     }
 }
 
@@ -101,16 +121,6 @@ pub(crate) fn timed<T>(total: &mut Duration, work: impl FnOnce() -> T) -> T {
     let result = work();
     *total += start.elapsed();
     result
-}
-
-impl Summary {
-    pub(crate) fn print(&self, args: &CommonArgs) {
-        if args.json {
-            println!("{}", serde_json::to_string(self).expect("numbers and strings serialise"));
-        } else if !args.quiet {
-            println!("{self}");
-        }
-    }
 }
 
 impl fmt::Display for Summary {
@@ -127,7 +137,10 @@ impl fmt::Display for Summary {
                 self.transform_seconds, self.lanes, self.lanes_skipped, self.lanes_fallen_back
             )?;
         }
-        writeln!(f, "wrote      {} ({:.2} s)", self.written.join(", "), self.io_seconds)?;
+        for note in &self.notes {
+            writeln!(f, "note       {note}")?;
+        }
+        writeln!(f, "wrote      {} ({:.2} s)", self.files.join(", "), self.io_seconds)?;
         write!(f, "total      {:.2} s", self.total_seconds)
     }
 }

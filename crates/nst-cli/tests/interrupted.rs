@@ -144,15 +144,6 @@ fn ctrl_c_drops_the_run_in_progress() {
     assert!(said.contains(&format!("{} of 1000000 runs", shape[0])), "{said}");
 }
 
-/// SplitMix64 (Steele, Lea, Flood 2014).
-fn random(state: &mut u64) -> f64 {
-    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let mut z = *state;
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    (z ^ (z >> 31)) as f64 / u64::MAX as f64
-}
-
 /// kill -9 at 50 moments of a job that overwrites a file: what the name stands for
 /// is the old file or the new one, whole.
 #[test]
@@ -182,11 +173,11 @@ fn a_killed_process_leaves_the_old_file_or_the_new_one() {
     };
     assert_eq!(found(), Some(1));
 
-    let mut state = 1;
+    let mut random = SplitMix64(1);
     let (mut killed, mut ended, mut current) = (0, 0, 1);
     while killed < 50 {
         let mut child = render(1 - current).spawn().expect("the binary runs");
-        std::thread::sleep(whole_job.mul_f64(random(&mut state)));
+        std::thread::sleep(whole_job.mul_f64(random.uniform()));
         child.kill().expect("it can be killed, or has ended");
         if child.wait().expect("it ends").signal() == Some(9) {
             killed += 1;

@@ -5,7 +5,7 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum Error {
     /// The terms or side channels of a [`SequenceBatch`](crate::SequenceBatch) do not fit together.
-    #[error("malformed sequences: {0}")]
+    #[error("sequences do not fit together: {0}")]
     Batch(String),
     /// A weights file is not what its metadata says, or cannot be evaluated.
     #[error("malformed weights: {0}")]
@@ -13,6 +13,9 @@ pub enum Error {
     /// A weights file could not be read.
     #[error("cannot read weights: {0}")]
     Io(#[from] std::io::Error),
+    /// What a source of [`Strips`](crate::Strips) reports.
+    #[error(transparent)]
+    Input(Box<dyn std::error::Error + Send + Sync>),
     /// Two inputs of a metric differ in length.
     #[error("{0} values cannot be compared with {1}")]
     Lengths(usize, usize),

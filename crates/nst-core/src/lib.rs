@@ -17,7 +17,7 @@
 //!
 //! let network = Network::builtin("families").expect("the weights are part of the crate")?;
 //! let mut estimates = Estimates::default();
-//! MlpCpu::new(network).apply(&batch, &mut estimates)?;
+//! MlpCpu::new(network).transform(&batch, &mut estimates)?;
 //! assert_eq!(estimates.values().len(), 2);
 //! # Ok::<(), nst_core::Error>(())
 //! ```
@@ -27,7 +27,6 @@
 //! the feature `gpu` adds [`gpu::MlpGpu`], the same network as a WGSL compute
 //! shader.
 
-mod batch;
 mod error;
 #[cfg(feature = "gpu")]
 pub mod gpu;
@@ -35,10 +34,16 @@ pub mod methods;
 pub mod metrics;
 mod mlp;
 mod network;
+pub mod random;
+mod sequence;
 mod transform;
 
-pub use batch::SequenceBatch;
 pub use error::Error;
 pub use mlp::{Instructions, MlpCpu};
 pub use network::{BUILTIN, Layer, Metadata, Network};
-pub use transform::{Estimates, Identity, Status, Transform};
+pub(crate) use sequence::sum_in_order;
+pub use sequence::{
+    Extent, FOLDS, Grid, Keep, LANES_PER_BLOCK, LaneSums, Merging, SequenceBatch, Side, Strips,
+    Whole, fold_count,
+};
+pub use transform::{Estimates, Fitted, Identity, Requirements, Status, Support, Transform};

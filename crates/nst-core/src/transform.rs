@@ -1,24 +1,103 @@
-//! The [`Transform`] trait, its result type, and the identity.
+//! [`Transform`]: what every method is asked, its result type, and the identity.
 
 use ndarray::ArrayView2;
 #[cfg(feature = "gpu")]
 use rayon::prelude::*;
 
-use crate::{Error, SequenceBatch};
+use crate::{Error, SequenceBatch, Side, Strips, Whole};
 
-/// Maps each sequence of a batch to one estimate of its limit.
-pub trait Transform {
-    /// How many of the last terms the transformation reads.
-    fn window(&self) -> usize;
+/// A method that maps each sequence of a batch to one estimate of its limit.
+///
+/// It works in two phases. [`fit`](Self::fit) looks at the batch as a whole, strip by
+/// strip, and returns what [`applies`](Fitted::apply) to strips. So a batch that is larger
+/// than the memory gives the very bits that it gives in memory.
+pub trait Transform: Send + Sync {
+    /// What the method reads.
+    fn requires(&self) -> Requirements;
 
-    /// Writes one estimate per lane into `out`, whose previous content is dropped.
+    /// Learns from the batch what the method takes from it; many methods take nothing,
+    /// and are fitted at once. The result depends on the batch, but not on how it is cut.
+    ///
+    /// # Errors
+    /// Those of `strips`, and what concerns the whole batch, such as a lost GPU.
+    fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error>;
+
+    /// Both phases for a batch in memory: see [`Fitted::apply`].
+    ///
+    /// # Errors
+    /// Those of the two phases.
+    fn transform(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
+        self.fit(&mut Whole::new(batch))?.apply(batch, out)
+    }
+}
+
+/// A method that knows what it has to know of the batch.
+pub trait Fitted: Send + Sync {
+    /// Writes one estimate per lane of a strip into `out`, whose previous content is
+    /// dropped; lanes of a [halo](crate::Grid::with_halo) have none.
     ///
     /// Where the method breaks down on a lane, that lane falls back to S_n and
     /// its [`Status`] says why; finite terms never give a NaN or an infinity.
     ///
     /// # Errors
-    /// Only for what concerns the whole batch, such as a lost GPU.
-    fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), Error>;
+    /// Only for what concerns all lanes, such as a lost GPU.
+    fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error>;
+}
+
+impl<F: Fitted + ?Sized> Fitted for &F {
+    fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
+        (**self).apply(strip, out)
+    }
+}
+
+/// What a method reads of a batch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Requirements {
+    /// How many of the last terms, at least 1. Where fewer are stored, all lanes keep S_n.
+    pub window: usize,
+    /// The side channels without which all lanes keep S_n.
+    pub sides: &'static [Side],
+    /// The lanes that an estimate depends on, beside what was fitted.
+    pub support: Support,
+    /// Whether the whole batch is looked at before any estimate is made.
+    pub fits: bool,
+}
+
+/// The lanes that the estimate of a lane depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Support {
+    /// The lane alone.
+    Lane,
+    /// All lanes of its pixel; needs a [`Grid`](crate::Grid).
+    Pixel,
+    /// All lanes of pixels at most this many columns and rows away; needs a grid, and
+    /// strips with a halo of as many rows.
+    Radius(u32),
+    /// The whole picture, as one strip.
+    Picture,
+}
+
+impl Requirements {
+    /// Those of a method that reads the last `window` terms of each lane and nothing else.
+    #[must_use]
+    pub fn of_lane(window: usize) -> Self {
+        Self { window, sides: &[], support: Support::Lane, fits: false }
+    }
+
+    /// How many numbers of a lane are read.
+    #[must_use]
+    pub fn numbers_per_lane(&self) -> usize {
+        self.window + self.sides.len()
+    }
+
+    /// The halo that strips need, in rows.
+    #[must_use]
+    pub fn halo(&self) -> u32 {
+        match self.support {
+            Support::Lane | Support::Pixel | Support::Picture => 0,
+            Support::Radius(radius) => radius,
+        }
+    }
 }
 
 /// Whether a lane was transformed, or why it holds S_n instead.
@@ -263,14 +342,20 @@ impl Lanes<'_> {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Identity;
 
+impl Fitted for Identity {
+    fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
+        out.fall_back(strip, Status::Ok);
+        Ok(())
+    }
+}
+
 impl Transform for Identity {
-    fn window(&self) -> usize {
-        1
+    fn requires(&self) -> Requirements {
+        Requirements::of_lane(1)
     }
 
-    fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
-        out.fall_back(batch, Status::Ok);
-        Ok(())
+    fn fit(&self, _: &mut dyn Strips) -> Result<Box<dyn Fitted + '_>, Error> {
+        Ok(Box::new(self))
     }
 }
 
@@ -284,7 +369,7 @@ mod tests {
     fn identity_returns_the_last_term() -> Result<(), Error> {
         let batch = SequenceBatch::new(array![[1.0, 5.0], [2.0, 6.0]], vec![1, 2])?;
         let mut out = Estimates::default();
-        Identity.apply(&batch, &mut out)?;
+        Identity.transform(&batch, &mut out)?;
         assert_eq!(out.values(), [2.0, 6.0]);
         assert_eq!(out.count(Status::Ok), 2);
         Ok(())

@@ -5,23 +5,20 @@ use std::collections::BTreeMap;
 
 use ndarray::Array2;
 use nst_core::{
-    Estimates, MlpCpu, Network, SequenceBatch, Status, Transform,
-    methods::{FOLDS, METHODS, method},
+    Estimates, FOLDS, MlpCpu, Network, SequenceBatch, Side, Status, Transform,
+    methods::{METHODS, method},
+    random::SplitMix64,
 };
 
-/// SplitMix64 (Steele, Lea, Flood 2014).
-struct Rng(u64);
+struct Rng(SplitMix64);
 
 impl Rng {
     fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        self.0.next_u64()
     }
 
-    fn below(&mut self, bound: u64) -> u64 {
-        self.next() % bound
+    fn below(&mut self, bound: usize) -> usize {
+        self.0.below(bound)
     }
 
     fn unit(&mut self) -> f32 {
@@ -52,7 +49,7 @@ fn lane(rng: &mut Rng, terms: usize) -> Vec<f32> {
             5 => base + ratio.powi(k as i32),                      // geometric
             6 => base + base * k as f32,                           // Δ² = 0
             7 => (k as f32).exp2() * base,                         // diverges
-            8 => [0.0, 0.0, 0.0, base][rng.below(4) as usize],
+            8 => [0.0, 0.0, 0.0, base][rng.below(4)],
             9 => base + rng.unit() / (k + 1) as f32,
             _ => {
                 value += (rng.unit() - value) / (k + 1) as f32; // running means
@@ -62,8 +59,8 @@ fn lane(rng: &mut Rng, terms: usize) -> Vec<f32> {
         .collect();
     if rng.below(8) == 0 {
         let special = [f32::NAN, f32::INFINITY, f32::MAX, f32::MIN_POSITIVE, -0.0, f32::MIN];
-        let place = rng.below(terms.len() as u64) as usize;
-        terms[place] = special[rng.below(6) as usize];
+        let place = rng.below(terms.len());
+        terms[place] = special[rng.below(6)];
     }
     terms
 }
@@ -82,7 +79,7 @@ fn sample_counts(rng: &mut Rng, terms: usize) -> Vec<u32> {
 }
 
 fn batch(rng: &mut Rng, lanes: usize) -> SequenceBatch {
-    let terms = 1 + rng.below(10) as usize;
+    let terms = 1 + rng.below(10);
     let lanes_by_terms: Vec<f32> = (0..lanes).flat_map(|_| lane(rng, terms)).collect();
     let array = Array2::from_shape_vec((lanes, terms), lanes_by_terms).expect("the shape");
     let counts = sample_counts(rng, terms);
@@ -91,7 +88,7 @@ fn batch(rng: &mut Rng, lanes: usize) -> SequenceBatch {
         let folds: Vec<_> = (0..lanes).map(|_| lane(rng, FOLDS)).collect();
         for k in 0..FOLDS {
             let fold = folds.iter().map(|folds| folds[k]).collect();
-            batch.set_side(&format!("fold{k}"), fold).expect("a value per lane");
+            batch.set_side(Side::Fold(k as u8), fold).expect("a value per lane");
         }
     }
     batch
@@ -133,11 +130,11 @@ fn a_million_random_lanes() {
     let (mut lanes, mut seed) = (0, 0);
     while lanes < 1_000_000 {
         seed += 1;
-        let mut rng = Rng(seed);
-        let size = 1 + rng.below(2000) as usize;
+        let mut rng = Rng(SplitMix64(seed));
+        let size = 1 + rng.below(2000);
         let batch = batch(&mut rng, size);
         for ((name, method), transformed) in methods.iter().zip(&mut transformed) {
-            method.apply(&batch, &mut out).expect("nothing concerns the whole batch");
+            method.transform(&batch, &mut out).expect("nothing concerns the whole batch");
             if let Some(fault) = fault(&batch, &out) {
                 panic!("{name}, seed {seed}: {fault}");
             }
@@ -164,7 +161,7 @@ fn the_check_rejects_rubbish() {
     let other = SequenceBatch::new(ndarray::array![[1.0], [3.0]], vec![1, 2]).expect("two terms");
     let apply = |name: &str, batch: &SequenceBatch| {
         let mut out = Estimates::default();
-        method(name).expect("its name is listed").apply(batch, &mut out).expect("no error");
+        method(name).expect("its name is listed").transform(batch, &mut out).expect("no error");
         out
     };
     assert_eq!(fault(&batch, &apply("an-gn", &batch)), None);

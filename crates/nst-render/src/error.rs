@@ -6,11 +6,9 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A file could not be opened, read or written.
-    #[error("cannot {action} '{}': {source}", path.display())]
+    /// A file of a scene could not be opened or read.
+    #[error("cannot read '{}': {source}", path.display())]
     Io {
-        /// `read` or `write`.
-        action: &'static str,
         /// The file.
         path: PathBuf,
         /// Why.
@@ -24,7 +22,7 @@ pub enum Error {
         /// What is wrong, and what to do about it.
         message: String,
     },
-    /// An image or sequence file is malformed, or is not what it is used as.
+    /// An image of a scene is malformed, or is not what it is used as.
     #[error("'{}': {message}", path.display())]
     Image {
         /// The image file.
@@ -32,17 +30,30 @@ pub enum Error {
         /// What is wrong, and what to do about it.
         message: String,
     },
+    /// An EXR image of a scene cannot be read.
+    #[error(transparent)]
+    Files(#[from] nst_files::Error),
     /// Settings that cannot be rendered.
     #[error("{0}")]
     Settings(String),
+    /// A rendering that does not fit the memory.
+    #[error("the rendering needs {needed} of memory, and {available} are free; {advice}")]
+    Memory {
+        /// As text, with the unit.
+        needed: String,
+        /// As text, with the unit.
+        available: String,
+        /// What would fit.
+        advice: String,
+    },
     /// Sequences that do not fit together.
     #[error(transparent)]
     Core(#[from] nst_core::Error),
 }
 
 impl Error {
-    pub(crate) fn io(action: &'static str, path: &Path, source: std::io::Error) -> Self {
-        Self::Io { action, path: path.to_owned(), source }
+    pub(crate) fn io(_: &str, path: &Path, source: std::io::Error) -> Self {
+        Self::Io { path: path.to_owned(), source }
     }
 
     pub(crate) fn scene(path: &Path, message: impl Into<String>) -> Self {

@@ -1,178 +1,264 @@
-//! Pictures: EXR with layers, PNG for the screen, and reading either back.
+//! The film: accumulates radiance samples into each pixel's sequence.
 
-use std::{io::Write, path::Path};
+use std::collections::BTreeMap;
 
-use exr::prelude::SampleType;
-use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use ndarray::Array2;
+use nst_core::{FOLDS, Grid, LaneSums, SequenceBatch, Side, fold_count};
+use rayon::prelude::*;
 
 use crate::{
-    Error,
-    exr_file::ExrFile,
-    exr_rows::{Attributes, Channel, RowWriter},
-    output::OutputFile,
+    Error, RenderSettings, Rendering, memory,
+    slots::Slots,
+    tiles::{self, Tile},
 };
 
-const RGB: [&str; 3] = ["R", "G", "B"];
+/// R, G and B.
+pub(crate) const CHANNELS: usize = 3;
 
-/// The channels of a picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ColorModel {
-    /// One channel, Y.
-    Mono,
-    /// R, G and B in linear sRGB primaries.
-    Rgb,
+/// The recorded numbers of the whole picture; images are in the order of tiles.
+pub(crate) struct Film {
+    grid: Grid,
+    size: [u32; 2],
+    slots: Slots,
+    /// How many samples each pixel has.
+    pub(crate) samples: u32,
+    /// `[slot][channel][pixel]`
+    terms: Vec<f32>,
+    /// `[channel][pixel]`
+    sums: Vec<LaneSums>,
+    /// By tile: how many samples were left out, of those pixels where any was.
+    skipped: Vec<Skipped>,
 }
 
-impl ColorModel {
-    /// The channels' names, in the order of planar lanes.
-    #[must_use]
-    pub fn channels(self) -> &'static [&'static str] {
-        match self {
-            Self::Mono => &["Y"],
-            Self::Rgb => &RGB,
+/// By pixel of a tile.
+type Skipped = BTreeMap<u32, u32>;
+
+impl Film {
+    /// An empty film for a picture of a size.
+    ///
+    /// # Errors
+    /// [`Error::Settings`] if there are no pixels or too many, [`Error::Memory`] if they
+    /// do not fit.
+    pub(crate) fn new(settings: &RenderSettings, size: [u32; 2]) -> Result<Self, Error> {
+        let grid = Grid::new(size[0], size[1], CHANNELS as u32, 0)
+            .map_err(|error| Error::Settings(error.to_string()))?;
+        let slots = Slots::new(settings.keep, settings.spp);
+        memory::check(size, settings)?;
+        let skipped = vec![Skipped::new(); tiles::tiles(size).count()];
+        let needed = memory::needed(size, settings);
+        Ok(Self {
+            grid,
+            size,
+            slots,
+            samples: 0,
+            terms: memory::zeros(slots.count().saturating_mul(grid.lanes()), needed)?,
+            sums: memory::zeros(grid.lanes(), needed)?,
+            skipped,
+        })
+    }
+
+    /// The film of an earlier rendering, that goes on.
+    ///
+    /// # Errors
+    /// As [`Self::new`]; [`Error::Settings`] if the rendering has another size or other
+    /// terms, or as many samples already.
+    pub(crate) fn of(
+        start: Rendering,
+        settings: &RenderSettings,
+        size: [u32; 2],
+    ) -> Result<Self, Error> {
+        let Rendering { batch, mut sums, .. } = start;
+        let counts = batch.sample_counts().to_vec();
+        let samples = counts[counts.len() - 1];
+        let lanes = CHANNELS * size[0] as usize * size[1] as usize;
+        let fits = batch.lanes() == lanes
+            && sums.len() == lanes
+            && samples < settings.spp
+            && counts == settings.keep.sample_counts(samples);
+        if !fits {
+            let message = format!(
+                "a rendering of {} lanes and {samples} spp cannot be continued to {lanes} lanes \
+                 and {} spp",
+                batch.lanes(),
+                settings.spp
+            );
+            return Err(Error::Settings(message));
+        }
+        // Without its sums, which are there already.
+        let mut film = Self { sums: Vec::new(), ..Self::new(settings, size)? };
+        for (k, count) in counts.into_iter().enumerate() {
+            for slot in film.slots.of(count, samples) {
+                film.terms[slot * lanes..][..lanes].copy_from_slice(batch.term(k));
+            }
+        }
+        if let Some(skipped) = batch.side(&Side::Skipped) {
+            for (tile, pixels) in tiles::tiles(size).zip(&mut film.skipped) {
+                *pixels = (0..tile.pixels())
+                    .map(|i| (i as u32, skipped[tile.index(i, size[0])] as u32))
+                    .filter(|&(_, count)| count > 0)
+                    .collect();
+            }
+        }
+        drop(batch);
+        tiles::to_tiles(&mut film.terms, size);
+        tiles::to_tiles(&mut sums, size);
+        Ok(Self { samples, sums, ..film })
+    }
+
+    /// The part of each tile.
+    pub(crate) fn tiles(&mut self) -> Vec<(Tile, TileFilm<'_>)> {
+        let (pixels, slots) = (self.grid.pixels(), self.slots);
+        let sums = tiles::split(self.sums.chunks_exact_mut(pixels), self.size);
+        let terms = tiles::split(self.terms.chunks_exact_mut(pixels), self.size);
+        let parts = sums.into_iter().zip(terms).zip(&mut self.skipped);
+        tiles::tiles(self.size)
+            .zip(parts)
+            .map(|(tile, ((sums, terms), skipped))| {
+                (tile, TileFilm { slots, sums, terms, skipped })
+            })
+            .collect()
+    }
+
+    /// What was recorded, in rows: the sequences with their side channels, and the sums.
+    pub(crate) fn develop(self) -> Result<(SequenceBatch, Vec<LaneSums>), Error> {
+        let Self { grid, size, slots, samples, mut terms, mut sums, skipped } = self;
+        slots.sort(&mut terms, grid.lanes(), samples);
+        tiles::to_rows(&mut terms, size);
+        tiles::to_rows(&mut sums, size);
+        let terms = Array2::from_shape_vec((terms.len() / grid.lanes(), grid.lanes()), terms)
+            .expect("a slot has one number per lane");
+        let mut batch = SequenceBatch::new(terms, slots.sample_counts(samples))?;
+        batch.set_grid(grid)?;
+        if samples as usize >= FOLDS {
+            for (fold, side) in Side::ALL_FOLDS.iter().enumerate() {
+                let count = fold_count(fold, samples);
+                let mean = |lane: &LaneSums| (lane.folds[fold] / count) as f32;
+                batch.set_side(side.clone(), sums.par_iter().map(mean).collect())?;
+            }
+        }
+        if samples >= 2 {
+            let variance = sums.par_iter().map(|lane| lane.variance(samples)).collect();
+            batch.set_side(Side::Variance, variance)?;
+        }
+        if skipped.iter().any(|pixels| !pixels.is_empty()) {
+            let mut counts = vec![0.0; grid.pixels()];
+            for (tile, pixels) in tiles::tiles(size).zip(&skipped) {
+                for (&i, &count) in pixels {
+                    counts[tile.index(i as usize, size[0])] = count as f32;
+                }
+            }
+            batch.set_side(Side::Skipped, counts)?;
+        }
+        Ok((batch, sums))
+    }
+}
+
+/// A tile's part of the [`Film`].
+pub(crate) struct TileFilm<'a> {
+    slots: Slots,
+    /// `[channel][pixel]`
+    sums: Vec<&'a mut [LaneSums]>,
+    /// `[slot][channel][pixel]`
+    terms: Vec<&'a mut [f32]>,
+    skipped: &'a mut Skipped,
+}
+
+impl TileFilm<'_> {
+    /// Adds a sample to its pixel, in a pass that ends with S_`end`. Sums are in
+    /// f64: the differences between late terms are far below their size. A sample that
+    /// is not finite would leave nothing of the others: it counts as black.
+    #[inline]
+    pub(crate) fn add(&mut self, pixel: usize, index: u32, mut rgb: [f64; CHANNELS], end: u32) {
+        if !rgb.iter().all(|x| x.is_finite()) {
+            *self.skipped.entry(pixel as u32).or_default() += 1;
+            rgb = [0.0; CHANNELS];
+        }
+        for (lanes, sample) in self.sums.iter_mut().zip(rgb) {
+            lanes[pixel].add(index, sample);
+        }
+        let n = index + 1;
+        for slot in self.slots.of(n, end) {
+            let terms = self.terms[slot * CHANNELS..].iter_mut();
+            for (term, sums) in terms.zip(&self.sums) {
+                term[pixel] = (sums[pixel].total() / f64::from(n)) as f32;
+            }
         }
     }
-}
-
-/// The name of a layer's channel, `S.R` for instance; the main picture has no prefix.
-pub(crate) fn channel_name(layer: &str, channel: &str) -> String {
-    if layer.is_empty() { channel.to_owned() } else { format!("{layer}.{channel}") }
-}
-
-/// The f32 channels of some layers, layer by layer.
-pub(crate) fn layer_channels<'a>(
-    model: ColorModel,
-    layers: impl IntoIterator<Item = &'a str>,
-) -> Vec<Channel> {
-    let channels = |layer: &'a str| {
-        model.channels().iter().map(move |channel| (channel_name(layer, channel), SampleType::F32))
-    };
-    layers.into_iter().flat_map(channels).collect()
-}
-
-/// Takes a layer out of a file, as planar lanes.
-pub(crate) fn take_layer(file: &mut ExrFile, path: &Path, layer: &str) -> Result<Vec<f32>, Error> {
-    let mut lanes = Vec::new();
-    for channel in RGB {
-        lanes.extend(file.take(path, &channel_name(layer, channel))?);
-    }
-    Ok(lanes)
-}
-
-/// Writes an EXR picture row by row.
-pub struct PictureWriter<'a> {
-    rows: RowWriter<'a>,
-    model: ColorModel,
-}
-
-impl<'a> PictureWriter<'a> {
-    /// Begins a picture whose main channels have no prefix, with further named layers.
-    ///
-    /// # Errors
-    /// [`Error::Io`] if it cannot be written.
-    pub fn create(
-        output: &'a mut OutputFile,
-        size: [u32; 2],
-        model: ColorModel,
-        layers: &[&str],
-    ) -> Result<Self, Error> {
-        let channels = layer_channels(model, [""].into_iter().chain(layers.iter().copied()));
-        Ok(Self { rows: RowWriter::create(output, size, &channels, Attributes::new())?, model })
-    }
-
-    /// Appends rows: the main picture and then each layer, all planar lanes. All
-    /// but the last rows of a picture come in multiples of 16.
-    ///
-    /// # Errors
-    /// [`Error::Io`] if they cannot be written.
-    pub fn push(&mut self, layers: &[&[f32]]) -> Result<(), Error> {
-        let channels = self.model.channels().len();
-        let planes: Vec<&[u8]> = layers
-            .iter()
-            .flat_map(|lanes| lanes.chunks_exact(lanes.len() / channels))
-            .map(bytemuck::cast_slice)
-            .collect();
-        self.rows.push(&planes)
-    }
-
-    /// Completes the file, whose rows must all be there. The caller commits the output.
-    ///
-    /// # Errors
-    /// [`Error::Io`] if it cannot be written.
-    pub fn finish(self) -> Result<(), Error> {
-        self.rows.finish()
-    }
-}
-
-/// Writes an EXR picture: `rgb` in the channels R, G, B, and further named
-/// layers, all planar lanes in linear sRGB.
-///
-/// # Errors
-/// [`Error::Io`] if it cannot be written.
-pub fn write_exr(
-    output: &mut OutputFile,
-    size: [u32; 2],
-    rgb: &[f32],
-    layers: &[(&str, &[f32])],
-) -> Result<(), Error> {
-    let names: Vec<&str> = layers.iter().map(|&(name, _)| name).collect();
-    let mut writer = PictureWriter::create(output, size, ColorModel::Rgb, &names)?;
-    let lanes: Vec<&[f32]> = [rgb].into_iter().chain(layers.iter().map(|&(_, l)| l)).collect();
-    writer.push(&lanes)?;
-    writer.finish()
-}
-
-/// Writes an 8-bit PNG: planar linear lanes, clamped to [0, 1] and encoded by the
-/// sRGB transfer function (IEC 61966-2-1).
-///
-/// # Errors
-/// [`Error::Io`] or [`Error::Image`] if it cannot be written.
-pub fn write_png(output: &mut OutputFile, size: [u32; 2], rgb: &[f32]) -> Result<(), Error> {
-    let pixels = rgb.len() / RGB.len();
-    let bytes: Vec<u8> = (0..pixels)
-        .flat_map(|i| [0, 1, 2].map(|channel| srgb_byte(rgb[channel * pixels + i])))
-        .collect();
-    write_rgb8(output, size, &bytes)
-}
-
-/// Writes a PNG of bytes `[y][x][channel]`, as they are.
-pub(crate) fn write_rgb8(
-    output: &mut OutputFile,
-    size: [u32; 2],
-    bytes: &[u8],
-) -> Result<(), Error> {
-    let mut png = Vec::new();
-    PngEncoder::new(&mut png)
-        .write_image(bytes, size[0], size[1], ExtendedColorType::Rgb8)
-        .map_err(|error| Error::image(output.path(), error.to_string()))?;
-    output.file().write_all(&png).map_err(|error| Error::io("write", output.path(), error))
-}
-
-/// Reads a layer of an EXR picture as planar lanes, with the picture's size.
-///
-/// # Errors
-/// [`Error::Io`] or [`Error::Image`] names the file and what is missing.
-pub fn read_exr_layer(path: &Path, layer: &str) -> Result<([u32; 2], Vec<f32>), Error> {
-    let mut file = ExrFile::read(path)?;
-    Ok((file.size, take_layer(&mut file, path, layer)?))
-}
-
-fn srgb_byte(linear: f32) -> u8 {
-    let x = linear.clamp(0.0, 1.0);
-    let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
-    // A NaN, which clamp lets through, becomes 0 here.
-    (encoded * 255.0 + 0.5) as u8
 }
 
 #[cfg(test)]
 mod tests {
+    use nst_core::Keep;
+
     use super::*;
+    use crate::SamplerKind;
+
+    fn settings(spp: u32) -> RenderSettings {
+        RenderSettings { spp, sampler: SamplerKind::Random, seed: 0, keep: Keep::Window(2) }
+    }
+
+    /// Adds some samples of all pixels, of which those of pixel (20, 3) are `odd`.
+    fn expose(film: &mut Film, samples: std::ops::Range<u32>, odd: impl Fn(u32) -> f64) {
+        for (tile, mut part) in film.tiles() {
+            for pixel in 0..tile.pixels() {
+                for index in samples.clone() {
+                    let value = match tile.pixel(pixel) {
+                        (20, 3) => odd(index),
+                        _ => f64::from(index),
+                    };
+                    part.add(pixel, index, [1.0, value, 2.0], samples.end);
+                }
+            }
+        }
+        film.samples = samples.end;
+    }
+
+    /// One bad sample must not spoil its pixel, nor be forgotten when the rendering is
+    /// continued.
+    #[test]
+    fn samples_that_are_not_finite_count_as_black_and_are_counted() -> Result<(), Error> {
+        let (size, width) = ([37, 18], 37);
+        let odd = |index: u32| match index {
+            1 => f64::NAN,
+            6 => f64::INFINITY,
+            _ => f64::from(index),
+        };
+        let rendering = |film: Film| {
+            let (batch, sums) = film.develop()?;
+            let (time, build_time) = Default::default();
+            Ok::<_, Error>(Rendering { batch, sums, time, build_time })
+        };
+        let mut film = Film::new(&settings(8), size)?;
+        expose(&mut film, 0..5, odd);
+        let part = rendering(film)?;
+        assert_eq!(part.skipped(), 1);
+        let mut film = Film::of(part, &settings(8), size)?;
+        expose(&mut film, 5..8, odd);
+        let whole = rendering(film)?;
+        assert_eq!(whole.skipped(), 2);
+        let (pixel, pixels) = (3 * width + 20, 37 * 18);
+        let counts = whole.batch.side(&Side::Skipped).expect("a count per pixel");
+        assert_eq!((counts[pixel], counts.iter().sum::<f32>()), (2.0, 2.0));
+        // All channels of a sample are left out: 6 of 8 remain of 1 and of 2.
+        let of_channel = |channel: usize| whole.batch.last()[channel * pixels + pixel];
+        assert_eq!([0, 1, 2].map(of_channel), [0.75, (28.0 - 1.0 - 6.0) / 8.0, 1.5]);
+        let variance = whole.batch.side(&Side::Variance).expect("a variance");
+        assert!(variance[pixels + pixel] > 0.0 && variance.iter().all(|v| v.is_finite()));
+        Ok(())
+    }
 
     #[test]
-    fn srgb_encodes_known_values() {
-        let known = [(0.0, 0), (1.0, 255), (0.5, 188), (0.215_861, 128), (-1.0, 0), (f32::NAN, 0)];
-        for (linear, byte) in known {
-            assert_eq!(srgb_byte(linear), byte, "{linear}");
+    fn what_does_not_fit_the_memory_is_refused() {
+        for (size, spp, keep) in [
+            ([16_000, 16_000], 4_000_000_000, Keep::All),
+            ([64, 64], 4_000_000_000, Keep::All),
+            ([26_000, 26_000], 1 << 20, Keep::Window(1 << 20)),
+        ] {
+            let settings = RenderSettings { keep, ..settings(spp) };
+            let error = Film::new(&settings, size).err().expect("too large").to_string();
+            assert!(error.contains("GiB"), "{error}");
         }
+        let error = Film::new(&settings(1), [60_000, 60_000]).err().expect("too many pixels");
+        assert!(error.to_string().contains("too many"), "{error}");
     }
 }

@@ -2,8 +2,7 @@
 //! progressive estimates S_1 … S_N of its radiance.
 //!
 //! Data flow one way: [`Scene::load`] reads OBJ, MTL and the TOML sidecar;
-//! [`render()`] traces paths and accumulates a [`nst_core::SequenceBatch`];
-//! [`sequence_file`] and [`film`] read and write EXR and PNG.
+//! [`render()`] traces paths and accumulates a [`nst_core::SequenceBatch`].
 //!
 //! Lanes are planar: lane = channel · width · height + y · width + x, with the
 //! channels R, G, B in linear sRGB primaries and y counted from the top.
@@ -11,40 +10,27 @@
 mod accelerator;
 mod bsdf;
 mod camera;
-pub mod dataset;
 mod environment;
 mod error;
-mod exr_file;
-pub mod exr_header;
-mod exr_rows;
-pub mod false_color;
-pub mod film;
+mod film;
 mod instructions;
-mod kept;
 mod lanes;
 mod light;
 mod load;
 mod material;
-pub mod merge;
-pub mod output;
-pub mod pack;
+mod memory;
 mod path;
-pub mod picture;
 mod render;
 mod sampler;
 mod scene;
-pub mod sequence_file;
-mod sums;
+mod slots;
 mod texture;
 mod tiles;
 
 pub use camera::{Camera, PixelFilter};
 pub use error::Error;
 pub use material::{Disney, Material, Scattering};
-pub use render::{
-    Control, Keep, RenderSettings, Rendering, VARIANCE, fold_name, render, render_from,
-};
+pub use render::{Control, RenderSettings, Rendering, render, render_from};
 pub use sampler::{SampleStream, Sampler, SamplerKind};
 pub use scene::{Environment, Scene, Triangle};
-pub use sums::{FOLDS, LaneSums};
 pub use texture::Texture;

@@ -1,5 +1,5 @@
-//! Accumulates radiance samples into each pixel's sequence, in passes over the
-//! picture: between two of them a rendering can stop, and go on some other day.
+//! Renders a scene in passes over the picture: between two of them a rendering can stop,
+//! and be continued later.
 
 use std::{
     ops::Range,
@@ -8,46 +8,16 @@ use std::{
 };
 
 use glam::Vec2;
-use ndarray::Array2;
-use nst_core::SequenceBatch;
+use nst_core::{Keep, LaneSums, SequenceBatch, Side};
 use rayon::prelude::*;
 
 use crate::{
-    Error, FOLDS, LaneSums, PixelFilter, Sampler, SamplerKind, Scene,
+    Error, PixelFilter, Sampler, SamplerKind, Scene,
     camera::Projection,
-    kept::Slots,
+    film::{CHANNELS, Film, TileFilm},
     path::{PathTracer, Workspace},
-    sums::fold_count,
-    tiles::{self, Tile},
+    tiles::Tile,
 };
-
-/// The side channel that holds the estimated variance of S_N.
-pub const VARIANCE: &str = "Variance";
-
-/// The side channel that holds the mean of a fold.
-#[must_use]
-pub fn fold_name(fold: usize) -> String {
-    format!("fold{fold}")
-}
-
-/// Which terms of each pixel's sequence to keep.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Keep {
-    /// The last so many.
-    Window(u32),
-    /// All: S_1 … S_N.
-    All,
-    /// S_1, S_2, S_4, … and the last so many.
-    Pow2(u32),
-}
-
-impl Keep {
-    /// The sample counts of the terms that a rendering with `spp` samples keeps.
-    #[must_use]
-    pub fn sample_counts(self, spp: u32) -> Vec<u32> {
-        Slots::new(self, spp).sample_counts(spp)
-    }
-}
 
 /// How to render, as opposed to what.
 #[derive(Clone, Copy, Debug)]
@@ -65,8 +35,9 @@ pub struct RenderSettings {
 /// What [`render()`] returns.
 #[derive(Clone, Debug)]
 pub struct Rendering {
-    /// The kept terms, the fold means (where spp ≥ [`FOLDS`]) and the variance of
-    /// S_N (where spp ≥ 2); three planar channels of lanes.
+    /// The kept terms, the fold means (where spp ≥ [`FOLDS`](nst_core::FOLDS)), the
+    /// variance of S_N (where spp ≥ 2), and the number of samples that were not finite
+    /// (where any was); three planar channels of lanes, in a grid.
     pub batch: SequenceBatch,
     /// What the rendering can be continued from, `[lane]`.
     pub sums: Vec<LaneSums>,
@@ -75,6 +46,15 @@ pub struct Rendering {
     /// How much of that went into what paths need of the scene: the acceleration
     /// structure, and tables for lights and materials.
     pub build_time: Duration,
+}
+
+impl Rendering {
+    /// The number of samples that were not finite, and count as black.
+    #[must_use]
+    pub fn skipped(&self) -> u64 {
+        let counts = self.batch.side(&Side::Skipped).unwrap_or_default();
+        counts.iter().map(|&count| count as u64).sum()
+    }
 }
 
 /// What a rendering says and is told as it goes along.
@@ -86,16 +66,23 @@ pub struct Control<'a> {
     pub stop: &'a (dyn Fn() -> bool + Sync),
 }
 
-const CHANNELS: usize = 3;
 /// Samples of each pixel of a tile that are traced side by side.
 const BATCH: u32 = 8;
+
+/// Paths of a pass, but for small and large pictures: enough for the end of a pass, at
+/// which threads wait for each other, not to count.
+const PATHS_PER_PASS: u64 = 1 << 20;
+
+/// The most samples of a pixel in a pass: Ctrl-C ends a rendering after one.
+const MOST_SPP_PER_PASS: u64 = 16;
 
 /// Renders a scene. The result depends on the scene and the settings alone, not
 /// on the number of threads. `progress` is called with the number of paths of
 /// each tile that is done.
 ///
 /// # Errors
-/// [`Error::Settings`] if there are no samples, no pixels, or more than 2³¹ lanes.
+/// [`Error::Settings`] if there are no samples, no pixels, or more lanes than a
+/// [`Grid`](nst_core::Grid) has; [`Error::Memory`] if they do not fit the memory.
 pub fn render(
     scene: &Scene,
     settings: &RenderSettings,
@@ -118,180 +105,74 @@ pub fn render_from(
     control: Control<'_>,
 ) -> Result<Rendering, Error> {
     let begin = Instant::now();
-    let spp = settings.spp;
-    let [width, height] = scene.size;
-    let pixels = u64::from(width) * u64::from(height);
-    if spp == 0 || pixels == 0 {
-        return Err(Error::Settings(format!(
-            "nothing to render: {width}x{height} pixels with {spp} samples each"
-        )));
+    if settings.spp == 0 {
+        return Err(Error::Settings("nothing to render: no samples per pixel".into()));
     }
-    if pixels * CHANNELS as u64 > 1 << 31 {
-        return Err(Error::Settings(format!("{width}x{height} pixels are too many")));
-    }
-
-    let slots = Slots::new(settings.keep, spp);
-    let mut accumulated = match start {
-        None => Accumulated::new(slots, scene.size),
-        Some(start) => Accumulated::from(start, settings, scene.size)?,
+    let mut film = match start {
+        None => Film::new(settings, scene.size)?,
+        Some(start) => Film::of(start, settings, scene.size)?,
     };
     let build = Instant::now();
-    let tracer = PathTracer::new(scene);
+    let frame = Frame::new(scene, settings);
     let build_time = build.elapsed();
-    let frame = Frame {
-        tracer,
-        projection: Projection::new(&scene.camera, scene.size),
-        sampler: Sampler::new(settings.sampler, settings.seed),
-        filter: scene.pixel_filter,
-        width,
-    };
-    // A pass takes long enough for its end not to count, and Ctrl-C not too long.
-    let step = (1_u64 << 20).div_ceil(pixels).clamp(1, 16) as u32;
-    let mut n = accumulated.samples;
-    let mut tiles = accumulated.tiles();
-    let workspaces: Vec<Mutex<Workspace>> =
-        (0..rayon::current_num_threads()).map(|_| Mutex::default()).collect();
-    loop {
-        let pass = n..spp.min(n.saturating_add(step));
-        // Tiles differ in cost: none waits behind another while a thread is idle.
-        tiles.par_iter_mut().with_max_len(1).for_each(|(tile, recorded)| {
-            let thread = rayon::current_thread_index().unwrap_or_default();
-            let mut workspace = workspaces[thread].lock().unwrap_or_else(PoisonError::into_inner);
-            frame.trace(&mut workspace, tile, pass.clone(), |pixel, index, rgb| {
-                recorded.add(slots, pixel, index, rgb, pass.end);
-            });
-            (control.progress)(tile.pixels() as u64 * pass.len() as u64);
-        });
-        n = pass.end;
-        if n == spp || (control.stop)() {
-            break;
-        }
-    }
-    accumulated.samples = n;
-    let (batch, sums) = accumulated.finish()?;
+    film.samples = frame.trace_passes(film.samples, &mut film.tiles(), settings.spp, control);
+    let (batch, sums) = film.develop()?;
     Ok(Rendering { batch, sums, time: begin.elapsed(), build_time })
 }
 
-/// The recorded numbers of the whole picture; images are in the order of tiles.
-struct Accumulated {
-    size: [u32; 2],
-    slots: Slots,
-    samples: u32,
-    /// `[slot][channel][pixel]`
-    terms: Vec<f32>,
-    /// `[channel][pixel]`
-    sums: Vec<LaneSums>,
-}
-
-impl Accumulated {
-    fn new(slots: Slots, size: [u32; 2]) -> Self {
-        let lanes = CHANNELS * size[0] as usize * size[1] as usize;
-        let terms = vec![0.0; slots.count() * lanes];
-        Self { size, slots, samples: 0, terms, sums: vec![LaneSums::default(); lanes] }
-    }
-
-    /// Puts an earlier rendering's numbers in their places.
-    fn from(start: Rendering, settings: &RenderSettings, size: [u32; 2]) -> Result<Self, Error> {
-        let Rendering { batch, mut sums, .. } = start;
-        let counts = batch.sample_counts().to_vec();
-        let samples = counts[counts.len() - 1];
-        let lanes = CHANNELS * size[0] as usize * size[1] as usize;
-        let fits = batch.lanes() == lanes
-            && sums.len() == lanes
-            && samples < settings.spp
-            && counts == Slots::new(settings.keep, samples).sample_counts(samples);
-        if !fits {
-            let message = format!(
-                "a rendering of {} lanes and {samples} spp cannot be continued to {lanes} lanes and {} spp",
-                batch.lanes(),
-                settings.spp
-            );
-            return Err(Error::Settings(message));
-        }
-        let slots = Slots::new(settings.keep, settings.spp);
-        let mut terms = vec![0.0; slots.count() * lanes];
-        for (k, count) in counts.into_iter().enumerate() {
-            for slot in slots.of(count, samples) {
-                terms[slot * lanes..][..lanes].copy_from_slice(batch.term(k));
-            }
-        }
-        drop(batch);
-        tiles::to_tiles(&mut terms, size);
-        tiles::to_tiles(&mut sums, size);
-        Ok(Self { size, slots, samples, terms, sums })
-    }
-
-    /// The numbers of each tile.
-    fn tiles(&mut self) -> Vec<(Tile, Recorded<'_>)> {
-        let pixels = self.size[0] as usize * self.size[1] as usize;
-        let sums = tiles::split(self.sums.chunks_exact_mut(pixels), self.size);
-        let terms = tiles::split(self.terms.chunks_exact_mut(pixels), self.size);
-        tiles::tiles(self.size)
-            .zip(sums.into_iter().zip(terms))
-            .map(|(tile, (sums, terms))| (tile, Recorded { sums, terms }))
-            .collect()
-    }
-
-    fn finish(self) -> Result<(SequenceBatch, Vec<LaneSums>), Error> {
-        let Self { size, slots, samples, mut terms, mut sums } = self;
-        let lanes = sums.len();
-        slots.sort(&mut terms, lanes, samples);
-        tiles::to_rows(&mut terms, size);
-        tiles::to_rows(&mut sums, size);
-        let terms = Array2::from_shape_vec((terms.len() / lanes, lanes), terms)
-            .map_err(|error| Error::Settings(error.to_string()))?;
-        let mut batch = SequenceBatch::new(terms, slots.sample_counts(samples))?;
-        if samples as usize >= FOLDS {
-            for fold in 0..FOLDS {
-                let count = fold_count(fold, samples);
-                let mean = |lane: &LaneSums| (lane.folds[fold] / count) as f32;
-                let means = sums.par_iter().map(mean).collect();
-                batch.set_side(&fold_name(fold), means)?;
-            }
-        }
-        if samples >= 2 {
-            batch
-                .set_side(VARIANCE, sums.par_iter().map(|lane| lane.variance(samples)).collect())?;
-        }
-        Ok((batch, sums))
-    }
-}
-
-/// A tile's part of [`Accumulated`].
-struct Recorded<'a> {
-    /// `[channel][pixel]`
-    sums: Vec<&'a mut [LaneSums]>,
-    /// `[slot][channel][pixel]`
-    terms: Vec<&'a mut [f32]>,
-}
-
-impl Recorded<'_> {
-    /// Adds a sample to its pixel, in a pass that ends with S_`end`. Sums are in
-    /// f64: the differences between late terms are far below their size.
-    #[inline]
-    fn add(&mut self, slots: Slots, pixel: usize, index: u32, rgb: [f64; CHANNELS], end: u32) {
-        for (lanes, sample) in self.sums.iter_mut().zip(rgb) {
-            lanes[pixel].add(index, sample);
-        }
-        let n = index + 1;
-        for slot in slots.of(n, end) {
-            let terms = self.terms[slot * CHANNELS..].iter_mut();
-            for (term, sums) in terms.zip(&self.sums) {
-                term[pixel] = (sums[pixel].total() / f64::from(n)) as f32;
-            }
-        }
-    }
-}
-
+/// What the pixels of a picture have in common.
 struct Frame<'a> {
     tracer: PathTracer<'a>,
     projection: Projection,
     sampler: Sampler,
     filter: PixelFilter,
-    width: u32,
+    size: [u32; 2],
 }
 
-impl Frame<'_> {
+impl<'a> Frame<'a> {
+    fn new(scene: &'a Scene, settings: &RenderSettings) -> Self {
+        Self {
+            tracer: PathTracer::new(scene),
+            projection: Projection::new(&scene.camera, scene.size),
+            sampler: Sampler::new(settings.sampler, settings.seed),
+            filter: scene.pixel_filter,
+            size: scene.size,
+        }
+    }
+
+    /// Goes over the picture from the sample number `first` until each pixel has `spp`
+    /// samples, or until it is told to stop. Returns how many each pixel has.
+    fn trace_passes(
+        &self,
+        first: u32,
+        tiles: &mut [(Tile, TileFilm<'_>)],
+        spp: u32,
+        control: Control<'_>,
+    ) -> u32 {
+        let pixels = u64::from(self.size[0]) * u64::from(self.size[1]);
+        let step = PATHS_PER_PASS.div_ceil(pixels).clamp(1, MOST_SPP_PER_PASS) as u32;
+        let workspaces: Vec<Mutex<Workspace>> =
+            (0..rayon::current_num_threads()).map(|_| Mutex::default()).collect();
+        let mut n = first;
+        loop {
+            let pass = n..spp.min(n.saturating_add(step));
+            // Tiles differ in cost: none waits behind another while a thread is idle.
+            tiles.par_iter_mut().with_max_len(1).for_each(|(tile, film)| {
+                let thread = rayon::current_thread_index().unwrap_or_default();
+                let workspace = workspaces[thread].lock();
+                let mut workspace = workspace.unwrap_or_else(PoisonError::into_inner);
+                self.trace(&mut workspace, tile, pass.clone(), |pixel, index, rgb| {
+                    film.add(pixel, index, rgb, pass.end);
+                });
+                (control.progress)(tile.pixels() as u64 * pass.len() as u64);
+            });
+            n = pass.end;
+            if n == spp || (control.stop)() {
+                return n;
+            }
+        }
+    }
+
     /// Traces some of the samples of a tile's pixels and hands each to `record`:
     /// the pixel of the tile, the sample's index, and its radiance. The indices
     /// of a pixel increase.
@@ -304,7 +185,7 @@ impl Frame<'_> {
     ) {
         let camera = |pixel: usize, index: u32| {
             let (x, y) = tile.pixel(pixel);
-            let mut samples = self.sampler.stream(y * self.width + x, index);
+            let mut samples = self.sampler.stream(y * self.size[0] + x, index);
             let within = match self.filter {
                 PixelFilter::Box => samples.next_2d(),
                 PixelFilter::Center => Vec2::splat(0.5),
@@ -342,7 +223,7 @@ mod tests {
         Scene { size: [37, 18], ..Scene::load(&path).expect("the scene") }
     }
 
-    /// Stops after so many passes.
+    /// Stops after some passes.
     fn stopped(start: Option<Rendering>, settings: &RenderSettings, passes: u32) -> Rendering {
         let done = AtomicU32::new(0);
         let stop = || done.fetch_add(1, Ordering::Relaxed) + 1 == passes;

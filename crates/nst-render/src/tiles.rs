@@ -19,6 +19,12 @@ impl Tile {
         (self.width * self.height) as usize
     }
 
+    /// The index in the picture of a pixel of the tile, row by row.
+    pub(crate) fn index(&self, i: usize, width: u32) -> usize {
+        let (x, y) = self.pixel(i);
+        y as usize * width as usize + x as usize
+    }
+
     /// The coordinates of a pixel of the tile, which are counted row by row.
     pub(crate) fn pixel(&self, i: usize) -> (u32, u32) {
         (self.x + i as u32 % self.width, self.y + i as u32 / self.width)

@@ -4,13 +4,13 @@
 
 use std::path::Path;
 
-use nst_render::{
-    FOLDS, Keep, RenderSettings, SamplerKind, Scene,
-    film::ColorModel,
+use nst_core::{FOLDS, Keep};
+use nst_files::{
+    ColorModel,
     output::OutputFile,
-    render,
     sequence_file::{ResumeInfo, SequenceInfo, SequenceWriter},
 };
+use nst_render::{RenderSettings, SamplerKind, Scene, render};
 
 const SIZE: [u32; 2] = [1024, 1024];
 
@@ -32,14 +32,14 @@ fn render_and_store(scene: &Scene, spp: u32, keep: Keep) {
         size: SIZE,
         model: ColorModel::Rgb,
         sample_counts: rendering.batch.sample_counts().to_vec(),
-        sides: rendering.batch.sides().map(|(name, _)| name.to_owned()).collect(),
+        sides: rendering.batch.sides().map(|(side, _)| side.clone()).collect(),
         scene: scene.fingerprint(),
         sampler: "random".into(),
         seeds: vec![1],
         render_seconds: 0.0,
         resume: Some(ResumeInfo {
             keep,
-            pixel_filter: scene.pixel_filter,
+            pixel_filter: scene.pixel_filter.name().into(),
             max_depth: scene.max_depth,
             russian_roulette: scene.russian_roulette,
         }),

@@ -1,20 +1,23 @@
 //! `nst compare`: how far pictures are from a reference.
 
-use std::fmt::Write;
+use std::{fmt, path::PathBuf};
 
 use nst_core::metrics::{Decomposition, EPSILON, Means, Metric, RunErrors, TRIMMED};
-use nst_render::{false_color, output::OutputFile, picture::Picture};
+use nst_files::{
+    false_color,
+    output::{Kind, Name, OutputFile, Outputs},
+    picture::Picture,
+};
 use serde::Serialize;
 
-use super::set_threads;
 use crate::{args::CompareArgs, error::Error};
 
 /// The range of the error map. The same for all pictures, so that maps compare.
 const MAP_SCALE: [f64; 2] = [1e-5, 1e1];
 
-/// What `--json` prints.
+/// How far the pictures are from the reference.
 #[derive(Serialize)]
-struct Report {
+pub(super) struct Report {
     reference: String,
     width: u32,
     height: u32,
@@ -51,21 +54,20 @@ struct Map {
     high: f64,
 }
 
-pub(crate) fn run(args: &CompareArgs) -> Result<(), Error> {
-    set_threads(&args.common)?;
+pub(super) fn run(args: &CompareArgs) -> Result<Report, Error> {
     let Some((reference_path, pictures @ [_, ..])) = args.files.split_last() else {
         let message = "nothing to compare; name one or more pictures, and then the reference";
         return Err(Error::Usage(message.into()));
     };
+    let mut outputs = Outputs::of_inputs(&args.files);
+    let open = |path: &PathBuf| outputs.open(path, Kind::Png, Name::Given);
+    let mut map = args.error_map.as_ref().map(open).transpose()?;
     let reference = Picture::open(reference_path, None)?;
     let runs = pictures
         .iter()
         .map(|path| Picture::open(path, args.layer.as_deref()))
         .collect::<Result<Vec<_>, _>>()?;
-    for run in &runs {
-        check_comparable(run, &reference)?;
-    }
-    let mut map = args.error_map.as_deref().map(OutputFile::create).transpose()?;
+    runs.iter().try_for_each(|run| check_comparable(run, &reference))?;
 
     let truth = reference.read()?;
     let channels = reference.channel_names.len();
@@ -77,14 +79,13 @@ pub(crate) fn run(args: &CompareArgs) -> Result<(), Error> {
         means.push(run);
         nonfinite_pixels += nonfinite;
     }
-    if let Some(output) = &mut map {
-        false_color::write_png(output, reference.size, errors.relative_error_map(), MAP_SCALE)?;
-    }
-
     let row = |index: usize| {
         let of_metric: Vec<Means> = means.iter().map(|run| run[index]).collect();
         Row::new(&of_metric, errors.decomposition(Metric::ALL[index]))
     };
+    if let Some(output) = &mut map {
+        false_color::write_png(output, reference.size, errors.relative_error_map(), MAP_SCALE)?;
+    }
     let report = Report {
         reference: reference_path.display().to_string(),
         width: reference.size[0],
@@ -97,25 +98,10 @@ pub(crate) fn run(args: &CompareArgs) -> Result<(), Error> {
         mse: row(0),
         relmse: row(1),
         smape: row(2),
-        error_map: map.as_ref().map(|output| Map {
-            file: output.path().display().to_string(),
-            metric: "relMSE",
-            formula: "(x − I)² / (I² + 0.01)",
-            scale: "log10",
-            colors: "inferno",
-            low: MAP_SCALE[0],
-            high: MAP_SCALE[1],
-        }),
+        error_map: map.as_ref().map(Map::of),
     };
-    if let Some(output) = map {
-        output.commit()?;
-    }
-    if args.common.json {
-        println!("{}", serde_json::to_string(&report).expect("numbers and strings serialise"));
-    } else if !args.common.quiet {
-        print!("{}", report.text());
-    }
-    Ok(())
+    map.map(OutputFile::commit).transpose()?;
+    Ok(report)
 }
 
 fn check_comparable(run: &Picture, reference: &Picture) -> Result<(), Error> {
@@ -126,13 +112,27 @@ fn check_comparable(run: &Picture, reference: &Picture) -> Result<(), Error> {
     if run.size == reference.size && run.channel_names.len() == reference.channel_names.len() {
         return Ok(());
     }
-    Err(Error::Files(format!(
+    Err(Error::Unlike(format!(
         "'{}' has {}, but the reference '{}' has {}; only like can be compared with like",
         run.path().display(),
         of(run),
         reference.path().display(),
         of(reference)
     )))
+}
+
+impl Map {
+    fn of(output: &OutputFile) -> Self {
+        Self {
+            file: output.path().display().to_string(),
+            metric: "relMSE",
+            formula: "(x − I)² / (I² + 0.01)",
+            scale: "log10",
+            colors: "inferno",
+            low: MAP_SCALE[0],
+            high: MAP_SCALE[1],
+        }
+    }
 }
 
 impl Row {
@@ -150,35 +150,67 @@ impl Row {
     }
 }
 
+fn plural(count: usize, what: &str) -> String {
+    match count {
+        1 => format!("1 {what}"),
+        _ => format!("{count} {what}s"),
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.write_table(f)?;
+        writeln!(
+            f,
+            "trimmed: without the {} of largest error ({} %) of each picture",
+            plural(self.trimmed_pixels, "pixel"),
+            100.0 * TRIMMED
+        )?;
+        writeln!(f, "not finite: {}, left out", plural(self.nonfinite_pixels, "pixel"))?;
+        if self.runs > 1 {
+            writeln!(
+                f,
+                "error: the mean over the pictures, taken for independent runs; it is bias² + \
+                 variance\n\
+                 variance: s² = Σ (x − x̄)² / (R − 1); bias²: (x̄ − I)² − s² / R, which may be \
+                 below 0"
+            )?;
+        }
+        if let Some(map) = &self.error_map {
+            writeln!(
+                f,
+                "wrote {}: {} of each pixel, {}, {} from {:e} (black) to {:e} (yellow); cyan is \
+                 not finite",
+                map.file, map.formula, map.colors, map.scale, map.low, map.high
+            )?;
+        }
+        Ok(())
+    }
+}
+
 impl Report {
-    fn text(&self) -> String {
-        let mut text = String::new();
-        let Self { runs, reference, width, height, trimmed_pixels, .. } = self;
-        let plural = |count: usize, what: &str| match count {
-            1 => format!("1 {what}"),
-            _ => format!("{count} {what}s"),
-        };
-        let mut line = |line: String| {
-            writeln!(text, "{}", line.trim_end()).expect("a string grows");
-        };
-        line(format!(
+    fn write_table(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { runs, reference, width, height, .. } = self;
+        writeln!(
+            f,
             "{} against {reference}: {width}x{height} pixels, {}",
             plural(*runs, "picture"),
             plural(self.channels, "channel")
-        ));
+        )?;
         let (spread, parts) = if *runs > 1 {
             (format!("{:>11}", "± s.e."), format!("{:>12}{:>12}", "bias²", "variance"))
         } else {
             Default::default()
         };
-        line(format!("{:42}{:>11}{spread}{:>12}{parts}", "", "error", "trimmed"));
+        writeln!(f, "{:42}{:>11}{spread}{:>12}{parts}", "", "error", "trimmed")?;
         for (metric, row) in Metric::ALL.into_iter().zip([&self.mse, &self.relmse, &self.smape]) {
             let optional = |value: Option<f64>, width: usize| match value {
                 Some(value) => format!("{value:>width$.3e}"),
                 None if *runs > 1 => format!("{:>width$}", "–"),
                 None => String::new(),
             };
-            line(format!(
+            writeln!(
+                f,
                 "{:8}{:34}{:>11.4e}{}{:>12.4e}{}{}",
                 metric.name(),
                 metric.formula(),
@@ -187,24 +219,8 @@ impl Report {
                 row.trimmed,
                 optional(row.bias_squared, 12),
                 optional(row.variance, 12)
-            ));
+            )?;
         }
-        line(format!(
-            "trimmed: without the {} of largest error ({} %) of each picture",
-            plural(*trimmed_pixels, "pixel"),
-            100.0 * TRIMMED
-        ));
-        line(format!("not finite: {}, left out", plural(self.nonfinite_pixels, "pixel")));
-        if *runs > 1 {
-            line("error: the mean over the pictures, taken for independent runs; it is bias² + variance".into());
-            line("variance: s² = Σ (x − x̄)² / (R − 1); bias²: (x̄ − I)² − s² / R, which may be below 0".into());
-        }
-        if let Some(map) = &self.error_map {
-            line(format!(
-                "wrote {}: {} of each pixel, {}, {} from {:e} (black) to {:e} (yellow); cyan is not finite",
-                map.file, map.formula, map.colors, map.scale, map.low, map.high
-            ));
-        }
-        text
+        Ok(())
     }
 }

@@ -1,39 +1,56 @@
 //! `nst merge`: sequences of one scene with different seeds → one sequence.
 
-use nst_render::{merge::Merge, output::OutputFile};
-use serde_json::json;
+use std::fmt;
 
-use super::{numbers, set_threads};
+use nst_files::{
+    merge::Merge,
+    output::{Kind, Name, Outputs},
+};
+use serde::Serialize;
+
+use super::{list, numbers};
 use crate::{args::MergeArgs, error::Error};
 
-pub(crate) fn run(args: &MergeArgs) -> Result<(), Error> {
-    set_threads(&args.common)?;
+/// What was merged.
+#[derive(Serialize)]
+pub(super) struct Report {
+    files: Vec<String>,
+    width: u32,
+    height: u32,
+    channels: &'static [&'static str],
+    sample_counts: Vec<u32>,
+    seeds: Vec<u64>,
+    output: String,
+}
+
+pub(super) fn run(args: &MergeArgs) -> Result<Report, Error> {
     if args.files.len() < 2 {
         return Err(Error::Usage("one sequence alone cannot be merged; name two or more".into()));
     }
+    let mut outputs = Outputs::of_inputs(&args.files);
+    let mut output = outputs.open(&args.output, Kind::Sequence, Name::Given)?;
     let merge = Merge::open(&args.files)?;
     let info = merge.info().clone();
-    let mut output = OutputFile::create(&args.output)?;
     merge.write(&mut output)?;
     output.commit()?;
-    if args.common.json {
-        let json = json!({
-            "files": args.files,
-            "width": info.size[0],
-            "height": info.size[1],
-            "channels": info.model.channels(),
-            "sample_counts": info.sample_counts,
-            "seeds": info.seeds,
-            "output": args.output,
-        });
-        println!("{json}");
-    } else if !args.common.quiet {
-        let [width, height] = info.size;
-        let seeds: Vec<_> = info.seeds.iter().map(u64::to_string).collect();
-        println!("sequences  {} of {width}x{height} pixels", args.files.len());
-        println!("seeds      {}", super::list(&seeds, ""));
-        println!("samples    {} per pixel", numbers(&info.sample_counts));
-        println!("wrote      {}", args.output.display());
+    Ok(Report {
+        files: args.files.iter().map(|path| path.display().to_string()).collect(),
+        width: info.size[0],
+        height: info.size[1],
+        channels: info.model.channels(),
+        sample_counts: info.sample_counts,
+        seeds: info.seeds,
+        output: args.output.display().to_string(),
+    })
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { width, height, .. } = self;
+        let seeds: Vec<_> = self.seeds.iter().map(u64::to_string).collect();
+        writeln!(f, "sequences  {} of {width}x{height} pixels", self.files.len())?;
+        writeln!(f, "seeds      {}", list(&seeds, ""))?;
+        writeln!(f, "samples    {} per pixel", numbers(&self.sample_counts))?;
+        writeln!(f, "wrote      {}", self.output)
     }
-    Ok(())
 }

@@ -1,41 +1,27 @@
-pub(crate) mod bench;
-pub(crate) mod compare;
-pub(crate) mod info;
-pub(crate) mod merge;
-pub(crate) mod pack;
-pub(crate) mod render;
-mod resume;
-pub(crate) mod transform;
+mod bench;
+mod compare;
+mod info;
+mod merge;
+mod pack;
+mod render;
+mod transform;
 
-use nst_core::{Estimates, SequenceBatch};
-use nst_render::{VARIANCE, film, output::OutputFile};
-
-use crate::{args::CommonArgs, error::Error};
+use crate::{args::Command, error::Error, report::Done};
 
 /// The most numbers or names that a line of text lists.
 const MOST_LISTED: usize = 12;
 
-/// Writes the transformed picture with the layers `S` and `Variance`.
-fn write_picture(
-    output: &mut OutputFile,
-    size: [u32; 2],
-    batch: &SequenceBatch,
-    estimates: &Estimates,
-) -> Result<(), Error> {
-    let mut layers = vec![("S", batch.last())];
-    layers.extend(batch.side(VARIANCE).map(|variance| (VARIANCE, variance)));
-    Ok(film::write_exr(output, size, estimates.values(), &layers)?)
-}
-
-/// Sets the number of threads of everything that follows.
-fn set_threads(args: &CommonArgs) -> Result<(), Error> {
-    if let Some(threads) = args.threads {
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(usize::from(threads))
-            .build_global()
-            .map_err(|error| Error::Usage(format!("--threads {threads}: {error}")))?;
+/// Runs a command; the caller prints what it reports.
+pub(crate) fn run(command: &Command) -> Result<Done, Error> {
+    match command {
+        Command::Render(args) => render::run(args),
+        Command::Transform(args) => transform::run(args).map(Done::whole),
+        Command::Pack(args) => pack::run(args),
+        Command::Merge(args) => merge::run(args).map(Done::whole),
+        Command::Info(args) => info::run(args).map(Done::whole),
+        Command::Compare(args) => compare::run(args).map(Done::whole),
+        Command::Bench(args) => bench::run(args),
     }
-    Ok(())
 }
 
 /// Numbers, as [`list`] does names.

@@ -1,20 +1,22 @@
 //! `nst transform`: a stored sequence → transformation → picture, strip by strip.
 
-use nst_core::Estimates;
-use nst_render::{
-    VARIANCE, film::PictureWriter, output::OutputFile, sequence_file::SequenceReader,
+use std::time::{Duration, Instant};
+
+use nst_core::{Estimates, Grid, SequenceBatch, Side, Strips, Support};
+use nst_files::{
+    output::{Kind, Name, OutputFile, Outputs},
+    picture_writer::PictureWriter,
+    sequence_file::{SequenceInfo, SequenceReader},
 };
 
-use super::set_threads;
 use crate::{
     args::TransformArgs,
     error::Error,
     method::{Method, Origin},
-    summary::{LaneCounts, Stopwatch, timed},
+    summary::{LaneCounts, Stopwatch, Summary, TimedStrips, timed},
 };
 
-pub(crate) fn run(args: &TransformArgs) -> Result<(), Error> {
-    set_threads(&args.common)?;
+pub(super) fn run(args: &TransformArgs) -> Result<Summary, Error> {
     let mut watch = Stopwatch::start();
     let mut reader = timed(&mut watch.io, || SequenceReader::open(&args.sequence))?;
     let info = reader.info().clone();
@@ -25,25 +27,60 @@ pub(crate) fn run(args: &TransformArgs) -> Result<(), Error> {
         args.sequence.display()
     );
     method.check_terms(info.sample_counts.len(), &advice)?;
+    if method.transform.requires().support == Support::Picture {
+        reader = reader.with_strip_rows(info.size[1]);
+    }
 
-    let path = args.output.clone().unwrap_or_else(|| args.sequence.with_extension("nst.exr"));
-    let mut exr = OutputFile::create(&path)?;
-    let mut layers = vec!["S"];
-    layers.extend(info.sides.iter().map(String::as_str).filter(|&name| name == VARIANCE));
-    let mut picture = PictureWriter::create(&mut exr, info.size, info.model, &layers)?;
+    let mut outputs = Outputs::of_inputs([&args.sequence].into_iter().chain(&args.method.weights));
+    let default = args.sequence.with_extension("nst.exr");
+    let (path, name) = match &args.output {
+        Some(path) => (path, Name::Given),
+        None => (&default, Name::Default),
+    };
+    let mut exr = outputs.open(path, Kind::Picture, name)?;
+    let lanes = write(&mut watch, &method, &mut reader, &info, &mut exr)?;
+    timed(&mut watch.io, || exr.commit())?;
+    let files = vec![path.display().to_string()];
+    Ok(watch.summary(None, &method, lanes, files, Vec::new()))
+}
+
+/// Transforms the sequence into a picture with the layers `S` and `Variance`.
+fn write(
+    watch: &mut Stopwatch,
+    method: &Method,
+    reader: &mut SequenceReader,
+    info: &SequenceInfo,
+    exr: &mut OutputFile,
+) -> Result<LaneCounts, Error> {
+    let start = Instant::now();
+    let mut strips = TimedStrips { strips: reader, time: Duration::ZERO };
+    let fitted = method.transform.fit(&mut strips)?;
+    watch.transform += start.elapsed().saturating_sub(strips.time);
+
+    let mut layers = vec!["", "S"];
+    let variance = info.sides.contains(&Side::Variance);
+    layers.extend(variance.then_some("Variance"));
+    let mut picture = PictureWriter::create(exr, info.size, info.model, &layers)?;
     let mut estimates = Estimates::default();
     let mut lanes = LaneCounts::default();
-    while !reader.is_done() {
-        let batch = timed(&mut watch.io, || reader.read_rows(reader.strip_rows()))?;
-        timed(&mut watch.transform, || method.transform.apply(&batch, &mut estimates))?;
+    strips.rewind(method.transform.requires().halo())?;
+    while let Some(strip) = strips.next_strip()? {
+        timed(&mut watch.transform, || fitted.apply(&strip, &mut estimates))?;
         lanes.add(&estimates);
-        let mut layers = vec![estimates.values(), batch.last()];
-        layers.extend(batch.side(VARIANCE));
+        let [last, variance] = [Some(strip.last()), strip.side(&Side::Variance)]
+            .map(|values| values.map(|values| inner(&strip, values)));
+        let layers: Vec<&[f32]> = [estimates.values()]
+            .into_iter()
+            .chain([&last, &variance].into_iter().flatten().map(AsRef::as_ref))
+            .collect();
         timed(&mut watch.io, || picture.push(&layers))?;
     }
+    watch.io += strips.time;
     timed(&mut watch.io, || picture.finish())?;
-    timed(&mut watch.io, || exr.commit())?;
-    let written = vec![path.display().to_string()];
-    watch.summary(None, &method, lanes, written).print(&args.common);
-    Ok(())
+    Ok(lanes)
+}
+
+/// The lanes of a strip without those of its halo.
+fn inner<'a>(strip: &SequenceBatch, lanes: &'a [f32]) -> std::borrow::Cow<'a, [f32]> {
+    strip.grid().map_or(lanes.into(), |grid: &Grid| grid.inner(lanes))
 }

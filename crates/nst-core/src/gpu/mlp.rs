@@ -10,7 +10,8 @@ use super::{
     shader::{Kernel, Packed, Params, Precision, Variant},
 };
 use crate::{
-    Error, Estimates, MlpCpu, Network, SequenceBatch, Status, Transform, transform::Lanes,
+    Error, Estimates, Fitted, MlpCpu, Network, Requirements, SequenceBatch, Status, Strips,
+    Transform, transform::Lanes,
 };
 
 /// Lanes per submission where the adapter sets no lower limit: 8 MiB of terms at
@@ -90,6 +91,11 @@ impl MlpGpu {
             mlp.compare_with_cpu()?;
         }
         Ok(mlp)
+    }
+
+    /// How many terms the network reads.
+    fn window(&self) -> usize {
+        self.network.metadata().window
     }
 
     /// Fails if the GPU does not compute what the CPU does, on some windows in [0, 1).
@@ -283,10 +289,16 @@ impl MlpGpu {
 }
 
 impl Transform for MlpGpu {
-    fn window(&self) -> usize {
-        self.network.metadata().window
+    fn requires(&self) -> Requirements {
+        Requirements::of_lane(self.window())
     }
 
+    fn fit<'a>(&'a self, _: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
+        Ok(Box::new(self))
+    }
+}
+
+impl Fitted for MlpGpu {
     fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
         let Some(window) = batch.window(self.window()) else {
             out.fall_back(batch, Status::TooShort);

@@ -1,6 +1,6 @@
 //! The a_n g_n transformation (Brezinski and Redivo Zaglia 1991).
 
-use super::extrapolation::{Extrapolation, Lanes};
+use super::extrapolation::{Extrapolation, Tile};
 
 /// The a_n g_n transformation of the last two terms, equation 2 of *Neural
 /// Sequence Transformation*:
@@ -43,7 +43,7 @@ impl Extrapolation for AnGn {
         2
     }
 
-    fn limits(&self, counts: &[f64], terms: &mut [Lanes]) -> Lanes {
+    fn limits(&self, counts: &[f64], terms: &mut [Tile]) -> Tile {
         let ratio = self.0.ratio(counts[0], counts[1]);
         let factor = 1.0 / (1.0 - ratio);
         std::array::from_fn(|lane| terms[0][lane] + (terms[1][lane] - terms[0][lane]) * factor)

@@ -1,6 +1,6 @@
 //! Aitken's Δ² (Aitken 1926), once and iterated.
 
-use super::extrapolation::{Extrapolation, Lanes, WIDTH, difference};
+use super::extrapolation::{Extrapolation, Tile, WIDTH, difference};
 
 /// Aitken's Δ² of the last three terms:
 ///
@@ -17,7 +17,7 @@ impl Extrapolation for Aitken {
         3
     }
 
-    fn limits(&self, _: &[f64], terms: &mut [Lanes]) -> Lanes {
+    fn limits(&self, _: &[f64], terms: &mut [Tile]) -> Tile {
         std::array::from_fn(|lane| aitken(terms[0][lane], terms[1][lane], terms[2][lane]))
     }
 }
@@ -33,7 +33,7 @@ impl Extrapolation for IteratedAitken {
         7
     }
 
-    fn limits(&self, _: &[f64], terms: &mut [Lanes]) -> Lanes {
+    fn limits(&self, _: &[f64], terms: &mut [Tile]) -> Tile {
         let mut result = [f64::NAN; WIDTH];
         let mut sound = [true; WIDTH];
         let mut length = terms.len();

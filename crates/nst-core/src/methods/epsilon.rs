@@ -1,6 +1,6 @@
 //! Wynn's ε-algorithm (Wynn 1956), the recursion for Shanks' transformation.
 
-use super::extrapolation::{Extrapolation, Lanes, MAX_TERMS, WIDTH, difference};
+use super::extrapolation::{Extrapolation, MAX_TERMS, Tile, WIDTH, difference};
 
 /// Wynn's ε-algorithm on the last seven terms:
 ///
@@ -18,7 +18,7 @@ impl Extrapolation for WynnEpsilon {
         7
     }
 
-    fn limits(&self, _: &[f64], terms: &mut [Lanes]) -> Lanes {
+    fn limits(&self, _: &[f64], terms: &mut [Tile]) -> Tile {
         let count = terms.len();
         // ε_{k−1} and ε_k; the latter is kept in `terms`.
         let mut before = [[0.0; WIDTH]; MAX_TERMS];

@@ -1,6 +1,6 @@
 //! Euler's transformation of alternating series.
 
-use super::extrapolation::{Extrapolation, Lanes, WIDTH};
+use super::extrapolation::{Extrapolation, Tile, WIDTH};
 
 /// Euler's transformation of the last eight terms: the mean of neighbours, seven
 /// times over,
@@ -19,7 +19,7 @@ impl Extrapolation for Euler {
         8
     }
 
-    fn limits(&self, _: &[f64], terms: &mut [Lanes]) -> Lanes {
+    fn limits(&self, _: &[f64], terms: &mut [Tile]) -> Tile {
         for length in (1..terms.len()).rev() {
             for j in 0..length {
                 for lane in 0..WIDTH {

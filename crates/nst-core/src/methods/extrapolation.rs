@@ -2,14 +2,14 @@
 
 use rayon::prelude::*;
 
-use crate::{Error, Estimates, SequenceBatch, Status, Transform};
+use crate::{Error, Estimates, Fitted, Requirements, SequenceBatch, Status, Strips, Transform};
 
 /// Lanes that are extrapolated together. The innermost loops run over them, and
 /// compilers turn those into vector instructions.
 pub const WIDTH: usize = 16;
 
 /// One number for each lane of a tile.
-pub type Lanes = [f64; WIDTH];
+pub type Tile = [f64; WIDTH];
 
 /// No method reads more terms than this.
 pub(super) const MAX_TERMS: usize = 16;
@@ -33,7 +33,7 @@ const FARTHEST: f64 = 10.0;
 /// if the window is constant, if the denominators vanish, or if the limit is
 /// farther away than a remainder ten times slower than 1/n would be
 /// ([`Status::Clamped`]).
-pub trait Extrapolation: Sync {
+pub trait Extrapolation: Send + Sync {
     /// How many terms it reads, at most 16.
     fn terms(&self) -> usize;
 
@@ -41,7 +41,7 @@ pub trait Extrapolation: Sync {
     ///
     /// `terms` are `[term][lane]`, oldest first, as many as [`terms`](Self::terms)
     /// says; they may be overwritten. `counts` are their sample counts.
-    fn limits(&self, counts: &[f64], terms: &mut [Lanes]) -> Lanes;
+    fn limits(&self, counts: &[f64], terms: &mut [Tile]) -> Tile;
 
     /// The limit of one sequence from its last terms in f64; `None` if there are
     /// too few, if counts and terms differ in number, or if the method breaks down.
@@ -65,22 +65,32 @@ impl<E: Extrapolation + ?Sized> Extrapolation for &E {
         (**self).terms()
     }
 
-    fn limits(&self, counts: &[f64], terms: &mut [Lanes]) -> Lanes {
+    fn limits(&self, counts: &[f64], terms: &mut [Tile]) -> Tile {
         (**self).limits(counts, terms)
     }
 }
 
 impl<E: Extrapolation> Transform for E {
-    fn window(&self) -> usize {
-        self.terms()
+    fn requires(&self) -> Requirements {
+        Requirements::of_lane(self.terms())
     }
 
+    fn fit<'a>(&'a self, _: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
+        Ok(Box::new(FromTerms(self)))
+    }
+}
+
+/// An extrapolation of every lane of a strip.
+struct FromTerms<'a, E>(&'a E);
+
+impl<E: Extrapolation> Fitted for FromTerms<'_, E> {
     fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
-        let Some(window) = batch.window(self.terms()) else {
+        let method = self.0;
+        let Some(window) = batch.window(method.terms()) else {
             out.fall_back(batch, Status::TooShort);
             return Ok(());
         };
-        let first = batch.sample_counts().len() - self.terms();
+        let first = batch.sample_counts().len() - method.terms();
         let counts: Vec<_> = batch.sample_counts()[first..].iter().map(|&n| f64::from(n)).collect();
         let (n_1, n_last) = (counts[0], counts[counts.len() - 1]);
         let farthest = FARTHEST * n_last / (n_last - n_1).max(1.0);
@@ -101,7 +111,7 @@ impl<E: Extrapolation> Transform for E {
                 }
                 let terms = &mut terms[..counts.len()];
                 let seen = Seen::of(terms);
-                let limits = self.limits(&counts, terms);
+                let limits = method.limits(&counts, terms);
                 for (lane, (value, status)) in values.iter_mut().zip(status).enumerate() {
                     *status = seen.judge(lane, limits[lane], farthest);
                     *value =
@@ -115,15 +125,15 @@ impl<E: Extrapolation> Transform for E {
 
 /// What the terms of a tile say about its limits.
 struct Seen {
-    least: Lanes,
-    greatest: Lanes,
-    last: Lanes,
+    least: Tile,
+    greatest: Tile,
+    last: Tile,
     /// 0 where all terms are finite, else NaN.
-    finite: Lanes,
+    finite: Tile,
 }
 
 impl Seen {
-    fn of(terms: &[Lanes]) -> Self {
+    fn of(terms: &[Tile]) -> Self {
         let last = terms[terms.len() - 1];
         let mut seen = Self { least: last, greatest: last, last, finite: [0.0; WIDTH] };
         for row in terms {
@@ -182,7 +192,7 @@ mod tests {
         ];
         let batch = SequenceBatch::new(terms, vec![1, 2, 3])?;
         let mut out = Estimates::default();
-        Aitken.apply(&batch, &mut out)?;
+        Aitken.transform(&batch, &mut out)?;
         assert_eq!(
             out.status(),
             [Done, ZeroDenominator, Constant, NotFinite, Clamped, NotFinite, NotFinite]
@@ -192,7 +202,7 @@ mod tests {
         assert_eq!(out.fallen_back(), 5);
 
         let batch = SequenceBatch::new(array![[1.0, -3e38], [2.0, 3e38]], vec![1, 2])?;
-        AnGn(Scale::Inverse).apply(&batch, &mut out)?;
+        AnGn(Scale::Inverse).transform(&batch, &mut out)?;
         assert_eq!(out.status(), [Done, NotFinite]);
         assert_eq!(out.values(), [3.0, 3e38]);
         Ok(())
@@ -206,7 +216,7 @@ mod tests {
         let term = |k: usize, lane: usize| 1.0 + (lane as f32) * 0.5_f32.powi(k as i32);
         let terms = ndarray::Array2::from_shape_fn((3, lanes), |(k, lane)| term(k, lane));
         let mut out = Estimates::default();
-        Aitken.apply(&SequenceBatch::new(terms, vec![1, 2, 3])?, &mut out)?;
+        Aitken.transform(&SequenceBatch::new(terms, vec![1, 2, 3])?, &mut out)?;
         for (lane, (value, status)) in out.values().iter().zip(out.status()).enumerate() {
             let expected = if lane == 0 { Status::Constant } else { Status::Ok };
             assert_eq!((*value, *status), (1.0, expected), "lane {lane}");
@@ -218,7 +228,7 @@ mod tests {
     fn too_few_terms() -> Result<(), Error> {
         let batch = SequenceBatch::new(array![[1.0], [2.0]], vec![1, 2])?;
         let mut out = Estimates::default();
-        Aitken.apply(&batch, &mut out)?;
+        Aitken.transform(&batch, &mut out)?;
         assert_eq!((out.values(), out.count(Status::TooShort)), (&[2.0][..], 1));
         assert_eq!(Aitken.limit(&[1, 2], &[1.0, 2.0]), None);
         assert_eq!(Aitken.limit(&[1, 2], &[1.0, 1.5, 1.75]), None);

@@ -2,17 +2,18 @@
 
 use rayon::prelude::*;
 
-use crate::{Error, Estimates, SequenceBatch, Status};
+use crate::{Error, Estimates, FOLDS, Requirements, SequenceBatch, Side, Status, Support};
 
-/// How many folds the samples of a lane are split into.
-pub const FOLDS: usize = 4;
-
-/// Lanes per task of the thread pool.
+/// Lanes per task of the thread pool: some 30 µs of work.
 pub(super) const CHUNK: usize = 4096;
 
-/// The side channels `fold0` … `fold3`, each `[lane]`, if all are there.
+/// What a method requires that maps S_n and the fold means of each lane.
+pub(super) const OF_FOLDS: Requirements =
+    Requirements { window: 1, sides: Side::ALL_FOLDS, support: Support::Lane, fits: false };
+
+/// The fold means, each `[lane]`, if all are there.
 pub(super) fn folds(batch: &SequenceBatch) -> Option<[&[f32]; FOLDS]> {
-    let sides = ["fold0", "fold1", "fold2", "fold3"].map(|name| batch.side(name));
+    let sides = Side::ALL_FOLDS.each_ref().map(|fold| batch.side(fold));
     let [Some(a), Some(b), Some(c), Some(d)] = sides else { return None };
     Some([a, b, c, d])
 }
@@ -90,7 +91,7 @@ pub(super) mod tests {
         let mut batch = SequenceBatch::new(terms, vec![8]).expect("one term");
         for k in 0..FOLDS {
             let fold = lanes.iter().map(|folds| folds[k]).collect();
-            batch.set_side(&format!("fold{k}"), fold).expect("a value per lane");
+            batch.set_side(Side::Fold(k as u8), fold).expect("a value per lane");
         }
         batch
     }
@@ -98,7 +99,7 @@ pub(super) mod tests {
     /// What a method makes of each of these lanes.
     pub(crate) fn estimates(method: &dyn Transform, lanes: &[[f32; FOLDS]]) -> Estimates {
         let mut out = Estimates::default();
-        method.apply(&batch(lanes), &mut out).expect("no error concerns the batch");
+        method.transform(&batch(lanes), &mut out).expect("no error concerns the batch");
         out
     }
 

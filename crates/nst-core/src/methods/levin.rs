@@ -1,6 +1,6 @@
 //! Levin's u-transformation (Levin 1973), by Sidi's W-algorithm.
 
-use super::extrapolation::{Extrapolation, Lanes, MAX_TERMS, WIDTH, difference};
+use super::extrapolation::{Extrapolation, MAX_TERMS, Tile, WIDTH, difference};
 
 /// Levin's u-transformation of the last eight terms.
 ///
@@ -25,7 +25,7 @@ impl Extrapolation for LevinU {
         8
     }
 
-    fn limits(&self, counts: &[f64], terms: &mut [Lanes]) -> Lanes {
+    fn limits(&self, counts: &[f64], terms: &mut [Tile]) -> Tile {
         let order = terms.len() - 2;
         let last = terms[terms.len() - 1];
         // Rows j = 0 … k stand for the terms 1 … k + 1. S_n counts from the last

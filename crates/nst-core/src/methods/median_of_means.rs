@@ -1,7 +1,7 @@
 //! The median of means (Nemirovsky and Yudin 1983).
 
-use super::folds::{map_folds, sort};
-use crate::{Error, Estimates, SequenceBatch, Transform};
+use super::folds::{OF_FOLDS, map_folds, sort};
+use crate::{Error, Estimates, Fitted, Requirements, SequenceBatch, Strips, Transform};
 
 /// T = the median of the four fold means: the mean of the middle two.
 ///
@@ -11,16 +11,22 @@ use crate::{Error, Estimates, SequenceBatch, Transform};
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MedianOfMeans;
 
-impl Transform for MedianOfMeans {
-    fn window(&self) -> usize {
-        1
-    }
-
-    fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
-        map_folds(batch, out, |_, folds| {
+impl Fitted for MedianOfMeans {
+    fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
+        map_folds(strip, out, |_, folds| {
             let [_, second, third, _] = sort(folds);
             0.5 * (second + third)
         })
+    }
+}
+
+impl Transform for MedianOfMeans {
+    fn requires(&self) -> Requirements {
+        OF_FOLDS
+    }
+
+    fn fit(&self, _: &mut dyn Strips) -> Result<Box<dyn Fitted + '_>, Error> {
+        Ok(Box::new(self))
     }
 }
 

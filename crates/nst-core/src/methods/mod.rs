@@ -2,7 +2,7 @@
 //!
 //! The classical ones ([`Extrapolation`]) model how a deterministic sequence
 //! approaches its limit. The robust ones look at the means of the four folds of
-//! a lane's samples, the side channels `fold0` … `fold3`.
+//! a lane's samples ([`Side::Fold`](crate::Side)).
 
 // Loops over lanes and features index several arrays at once, as the formulas do.
 #![allow(clippy::needless_range_loop)]
@@ -26,8 +26,7 @@ pub use a_n_g_n::{AnGn, Scale};
 pub use aitken::{Aitken, IteratedAitken};
 pub use epsilon::WynnEpsilon;
 pub use euler::Euler;
-pub use extrapolation::{Extrapolation, Lanes, WIDTH};
-pub use folds::FOLDS;
+pub use extrapolation::{Extrapolation, Tile, WIDTH};
 pub use gmon::Gmon;
 pub use levin::LevinU;
 pub use median_of_means::MedianOfMeans;

@@ -1,9 +1,13 @@
 //! The baseline that every learned method must beat: one constant for all lanes.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::folds::CHUNK;
-use crate::{Error, Estimates, SequenceBatch, Status, Transform};
+use crate::{
+    Error, Estimates, Fitted, Requirements, SequenceBatch, Status, Strips, Transform, sum_in_order,
+};
 
 /// T = the mean of I over the family of integrals, whatever the samples say.
 ///
@@ -18,16 +22,25 @@ pub enum PriorMean {
 }
 
 impl Transform for PriorMean {
-    fn window(&self) -> usize {
-        1
+    fn requires(&self) -> Requirements {
+        Requirements { fits: matches!(self, Self::OfTheBatch), ..Requirements::of_lane(1) }
     }
 
-    fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
-        let last = batch.last();
-        let mean = match self {
+    fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
+        Ok(Box::new(Constant(match self {
             Self::Given(mean) => *mean,
-            Self::OfTheBatch => finite_mean(last) as f32,
-        };
+            Self::OfTheBatch => finite_mean(strips, f64::from)? as f32,
+        })))
+    }
+}
+
+/// The mean, once it is known.
+struct Constant(f32);
+
+impl Fitted for Constant {
+    fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
+        let Self(mean) = *self;
+        let last = strip.last();
         let (values, status) = out.reset(last.len());
         let chunks = values.par_chunks_mut(CHUNK).zip(status.par_chunks_mut(CHUNK));
         chunks.zip(last.par_chunks(CHUNK)).for_each(|((values, status), last)| {
@@ -41,18 +54,22 @@ impl Transform for PriorMean {
     }
 }
 
-/// The mean of the finite values, 0 if there are none. Chunks are summed in
-/// order, so that the result does not depend on the number of threads.
-pub(super) fn finite_mean(values: &[f32]) -> f64 {
-    let partial = |chunk: &[f32]| {
-        let add = |(sum, count): (f64, f64), &x: &f32| {
-            if x.is_finite() { (sum + f64::from(x), count + 1.0) } else { (sum, count) }
-        };
-        chunk.iter().fold((0.0, 0.0), add)
+/// The mean of `of` the finite S_n, 0 if there are none.
+pub(super) fn finite_mean(
+    strips: &mut dyn Strips,
+    of: impl Fn(f32) -> f64 + Sync,
+) -> Result<f64, Error> {
+    let sum = |strip: &SequenceBatch, lanes: &[Range<usize>]| {
+        let values = lanes.iter().flat_map(|lanes| &strip.last()[lanes.clone()]);
+        let finite = values.filter(|x| x.is_finite());
+        finite.fold((0.0, 0.0), |(sum, count), &x| (sum + of(x), count + 1.0))
     };
-    let partials: Vec<_> = values.par_chunks(CHUNK).map(partial).collect();
-    let (sum, count) = partials.iter().fold((0.0, 0.0), |(s, c), (ds, dc)| (s + ds, c + dc));
-    if count > 0.0 { sum / count } else { 0.0 }
+    let (mut total, mut count) = (0.0, 0.0);
+    sum_in_order(strips, sum, |(part, lanes)| {
+        total += part;
+        count += lanes;
+    })?;
+    Ok(if count > 0.0 { total / count } else { 0.0 })
 }
 
 #[cfg(test)]
@@ -65,10 +82,10 @@ mod tests {
     fn given_and_estimated() -> Result<(), Error> {
         let batch = SequenceBatch::new(array![[1.0, 2.0, f32::NAN, 6.0]], vec![4])?;
         let mut out = Estimates::default();
-        PriorMean::OfTheBatch.apply(&batch, &mut out)?;
+        PriorMean::OfTheBatch.transform(&batch, &mut out)?;
         assert_eq!((out.values()[0], out.values()[1], out.values()[3]), (3.0, 3.0, 3.0));
         assert_eq!((out.status()[2], out.fallen_back()), (Status::NotFinite, 1));
-        PriorMean::Given(0.5).apply(&batch, &mut out)?;
+        PriorMean::Given(0.5).transform(&batch, &mut out)?;
         assert_eq!(out.values()[0], 0.5);
         Ok(())
     }

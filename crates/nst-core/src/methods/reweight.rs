@@ -1,8 +1,8 @@
 //! Outlier re-weighting, after Zirr, Hanika, Dachsbacher: *Re-Weighting Firefly
 //! Samples for Improved Finite-Sample Monte Carlo Estimates* (CGF 37(6), 2018).
 
-use super::folds::{FOLDS, map_folds, sort_by};
-use crate::{Error, Estimates, SequenceBatch, Transform};
+use super::folds::{OF_FOLDS, map_folds, sort_by};
+use crate::{Error, Estimates, FOLDS, Fitted, Requirements, SequenceBatch, Strips, Transform};
 
 /// How many times brighter than what vouches for it a fold mean may be.
 const KAPPA: f64 = 4.0;
@@ -23,13 +23,9 @@ const KAPPA: f64 = 4.0;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Reweight;
 
-impl Transform for Reweight {
-    fn window(&self) -> usize {
-        1
-    }
-
-    fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
-        map_folds(batch, out, |last, folds| {
+impl Fitted for Reweight {
+    fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
+        map_folds(strip, out, |last, folds| {
             let sorted = sort_by(folds, f64::abs);
             let (mut vouching, mut excess) = (sorted[0].abs(), 0.0);
             for (i, &x) in sorted.iter().enumerate().skip(1) {
@@ -40,6 +36,16 @@ impl Transform for Reweight {
             }
             last - excess / FOLDS as f64
         })
+    }
+}
+
+impl Transform for Reweight {
+    fn requires(&self) -> Requirements {
+        OF_FOLDS
+    }
+
+    fn fit(&self, _: &mut dyn Strips) -> Result<Box<dyn Fitted + '_>, Error> {
+        Ok(Box::new(self))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Richardson's extrapolation (Richardson 1911) to 1/n = 0.
 
-use super::extrapolation::{Extrapolation, Lanes, WIDTH};
+use super::extrapolation::{Extrapolation, Tile, WIDTH};
 
 /// Richardson's extrapolation: the value at x = 0 of the cubic in x = 1/n through
 /// the last four terms, by Neville's scheme,
@@ -18,7 +18,7 @@ impl Extrapolation for Richardson {
         4
     }
 
-    fn limits(&self, counts: &[f64], terms: &mut [Lanes]) -> Lanes {
+    fn limits(&self, counts: &[f64], terms: &mut [Tile]) -> Tile {
         for k in 1..terms.len() {
             for j in 0..terms.len() - k {
                 let factor = counts[j] / (counts[j + k] - counts[j]);

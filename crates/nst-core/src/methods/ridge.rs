@@ -1,12 +1,17 @@
 //! Ridge regression on statistics of the folds, fitted on the batch itself.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::{
-    folds::{CHUNK, FOLDS, folds, judge, sort_by},
+    folds::{CHUNK, OF_FOLDS, folds, judge, sort_by},
     prior_mean::finite_mean,
 };
-use crate::{Error, Estimates, SequenceBatch, Status, Transform};
+use crate::{
+    Error, Estimates, FOLDS, Fitted, Requirements, SequenceBatch, Status, Strips, Transform,
+    sum_in_order,
+};
 
 /// Learns from the batch how much of what three folds say of the fourth is noise.
 ///
@@ -18,10 +23,10 @@ use crate::{Error, Estimates, SequenceBatch, Status, Transform};
 /// β = argmin Σ (y − x − β·φ)² + λ |β|², T = S_n + mean over the held-out fold of β·φ.
 ///
 /// The sum is over lanes and over the four choices of y. Features are centred and
-/// scaled to unit variance; λ draws T towards S_n. *Cross-fitted*: β for the even
-/// lanes comes from the odd ones and the other way round, so that no lane is
-/// corrected by what its own noise has taught. Lanes that share samples, such as
-/// the channels of a pixel, should have indices of the same parity.
+/// scaled to unit variance; λ draws T towards S_n. *Cross-fitted*: β for one half of
+/// the lanes comes from the other, so that no lane is corrected by what its own noise
+/// has taught. The channels of a pixel share their samples, and are in one half: pixels
+/// are split like the squares of a chessboard. Without a grid, every other lane is.
 ///
 /// Wants folds that are independent: those of a low-discrepancy sequence are not.
 /// As each prediction knows three quarters of the samples, T is drawn a little
@@ -39,47 +44,72 @@ const FEATURES: usize = 8;
 type Features = [f64; FEATURES];
 
 impl Transform for Ridge {
-    fn window(&self) -> usize {
-        1
+    fn requires(&self) -> Requirements {
+        Requirements { fits: true, ..OF_FOLDS }
     }
 
-    fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
-        let Some(folds) = folds(batch) else {
-            out.fall_back(batch, Status::NoFolds);
+    fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
+        let magnitude = finite_mean(strips, |s| f64::from(s.abs()))?;
+        let unit = magnitude.max(f64::from(f32::MIN_POSITIVE));
+        let mut halves = [Moments::default(), Moments::default()];
+        sum_in_order(
+            strips,
+            |strip, lanes| moments(strip, lanes, unit),
+            |part| halves.iter_mut().zip(&part).for_each(|(sum, part)| sum.merge(part)),
+        )?;
+        let [first, second] = halves.map(|half| half.fit());
+        // Each half is corrected by what the other has taught.
+        Ok(Box::new(Corrections { unit, of_half: [second, first] }))
+    }
+}
+
+/// The moments of the two halves of a block of lanes; none if there are no folds.
+fn moments(strip: &SequenceBatch, lanes: &[Range<usize>], unit: f64) -> [Moments; 2] {
+    let mut halves = [Moments::default(), Moments::default()];
+    if let Some(folds) = folds(strip) {
+        for lane in lanes.iter().cloned().flatten() {
+            let means = folds.map(|fold| f64::from(fold[lane]) / unit);
+            halves[half(strip, lane)].add_lane(means);
+        }
+    }
+    halves
+}
+
+/// Which half of the cross-fit a lane is in.
+#[inline(always)]
+fn half(strip: &SequenceBatch, lane: usize) -> usize {
+    match strip.grid() {
+        None => lane % 2,
+        Some(grid) => {
+            let pixel = lane % grid.pixels();
+            let (x, y) = (pixel % grid.width(), pixel / grid.width());
+            (x + y + grid.first_row() as usize) % 2
+        }
+    }
+}
+
+/// What was learned, ready to be applied.
+struct Corrections {
+    unit: f64,
+    of_half: [Fit; 2],
+}
+
+impl Fitted for Corrections {
+    fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
+        let Some(folds) = folds(strip) else {
+            out.fall_back(strip, Status::NoFolds);
             return Ok(());
         };
-        let last = batch.last();
-        let magnitudes: Vec<_> = last.iter().map(|s| s.abs()).collect();
-        let unit = finite_mean(&magnitudes).max(f64::from(f32::MIN_POSITIVE));
-        let lane = |lane: usize| folds.map(|fold| f64::from(fold[lane]) / unit);
-
-        let chunks: Vec<_> = (0..batch.lanes()).step_by(CHUNK).collect();
-        let moments: Vec<_> = chunks
-            .par_iter()
-            .map(|&first| {
-                let mut halves = [Moments::default(), Moments::default()];
-                for index in first..(first + CHUNK).min(batch.lanes()) {
-                    halves[index % 2].add_lane(lane(index));
-                }
-                halves
-            })
-            .collect();
-        // In the order of lanes, whatever the threads did.
-        let fits = [1, 0].map(|other| {
-            let mut sum = Moments::default();
-            moments.iter().for_each(|halves| sum.merge(&halves[other]));
-            sum.fit()
-        });
-
-        let (values, status) = out.reset(batch.lanes());
+        let last = strip.last();
+        let (values, status) = out.reset(strip.lanes());
         let chunks = values.par_chunks_mut(CHUNK).zip(status.par_chunks_mut(CHUNK));
         chunks.enumerate().for_each(|(chunk, (values, status))| {
             for (i, (value, status)) in values.iter_mut().zip(status).enumerate() {
-                let index = chunk * CHUNK + i;
-                let means = lane(index);
-                let correction = unit * fits[index % 2].correction(means);
-                let estimate = (f64::from(last[index]) + correction) as f32;
-                (*value, *status) = judge(last[index], means, estimate);
+                let lane = chunk * CHUNK + i;
+                let means = folds.map(|fold| f64::from(fold[lane]) / self.unit);
+                let correction = self.unit * self.of_half[half(strip, lane)].correction(means);
+                let estimate = (f64::from(last[lane]) + correction) as f32;
+                (*value, *status) = judge(last[lane], means, estimate);
             }
         });
         Ok(())
@@ -224,7 +254,7 @@ fn solve(mut a: [Features; FEATURES], mut b: Features) -> Features {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::methods::folds::tests::estimates;
+    use crate::{Grid, methods::folds::tests::estimates, sequence::tests::Cut};
 
     /// Normal numbers, by twelve uniform ones.
     fn noise(seed: &mut u64) -> f64 {
@@ -283,6 +313,47 @@ mod tests {
         assert_eq!(out.values(), [2.5]);
         let out = estimates(&Ridge, &[[0.0; 4], [0.0; 4]]);
         assert_eq!(out.count(Status::Constant), 2);
+    }
+
+    /// A picture of an odd number of pixels: its channels share samples, and must be in
+    /// the same half. The same bits, however it is cut.
+    #[test]
+    fn pixels_are_split_and_strips_make_no_difference() -> Result<(), Error> {
+        let (width, rows, channels) = (7, 51, 3);
+        let (_, pixels) = normal_lanes(0.4);
+        let lanes: Vec<_> = (0..channels)
+            .flat_map(|channel| {
+                pixels[..width * rows].iter().map(move |folds| {
+                    let tint = 1.0 + channel as f32;
+                    folds.map(|x| tint * x)
+                })
+            })
+            .collect();
+        let mut batch = crate::methods::folds::tests::batch(&lanes);
+        let [width, rows, channels] = [width, rows, channels].map(|x| x as u32);
+        batch.set_grid(Grid::new(width, rows, channels, 0)?)?;
+        let grid = *batch.grid().expect("it was set");
+        for pixel in 0..grid.pixels() {
+            let of_channel = |c: usize| half(&batch, c * grid.pixels() + pixel);
+            assert!((1..3).all(|c| of_channel(c) == of_channel(0)), "pixel {pixel}");
+        }
+
+        let mut whole = Estimates::default();
+        Ridge.transform(&batch, &mut whole)?;
+        for step in [1, 5, 16, 50] {
+            let mut cut = Cut { batch: &batch, step, next: 0 };
+            let fitted = Ridge.fit(&mut cut)?;
+            let mut planes = vec![Vec::<f32>::new(); grid.channels()];
+            cut.rewind(0)?;
+            while let Some(strip) = cut.next_strip()? {
+                let mut estimates = Estimates::default();
+                fitted.apply(&strip, &mut estimates)?;
+                let part = estimates.values().chunks(estimates.values().len() / grid.channels());
+                planes.iter_mut().zip(part).for_each(|(plane, part)| plane.extend(part));
+            }
+            assert_eq!(planes.concat(), whole.values(), "strips of {step} rows");
+        }
+        Ok(())
     }
 
     #[test]

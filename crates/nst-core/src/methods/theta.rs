@@ -1,6 +1,6 @@
 //! Brezinski's θ-algorithm (Brezinski 1971).
 
-use super::extrapolation::{Extrapolation, Lanes, MAX_TERMS, WIDTH, difference};
+use super::extrapolation::{Extrapolation, MAX_TERMS, Tile, WIDTH, difference};
 
 /// Brezinski's θ-algorithm on the last seven terms:
 ///
@@ -20,7 +20,7 @@ impl Extrapolation for BrezinskiTheta {
         7
     }
 
-    fn limits(&self, _: &[f64], terms: &mut [Lanes]) -> Lanes {
+    fn limits(&self, _: &[f64], terms: &mut [Tile]) -> Tile {
         // θ_{2k} is kept in `terms`, θ_{2k−1} in `odd`.
         let mut odd = [[0.0; WIDTH]; MAX_TERMS];
         let mut result = [f64::NAN; WIDTH];

@@ -14,7 +14,7 @@ use std::{
 use ndarray::ArrayView2;
 
 use crate::{
-    Error, Estimates, Network, SequenceBatch, Status, Transform,
+    Error, Estimates, Fitted, Network, Requirements, SequenceBatch, Status, Strips, Transform,
     transform::{Compact, Lanes, classify},
 };
 use kernel::{Packed, Tile, evaluate, panel};
@@ -61,6 +61,11 @@ impl MlpCpu {
         let network = network.into();
         let packed = Arc::new(Packed::new(&network));
         Self { network, packed, instructions }
+    }
+
+    /// How many terms the network reads.
+    fn window(&self) -> usize {
+        self.network.metadata().window
     }
 
     /// Classifies the lanes of a job, evaluates those that the network must see, and
@@ -119,10 +124,16 @@ impl MlpCpu {
 }
 
 impl Transform for MlpCpu {
-    fn window(&self) -> usize {
-        self.network.metadata().window
+    fn requires(&self) -> Requirements {
+        Requirements::of_lane(self.window())
     }
 
+    fn fit<'a>(&'a self, _: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
+        Ok(Box::new(self))
+    }
+}
+
+impl Fitted for MlpCpu {
     fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
         let Some(window) = batch.window(self.window()) else {
             out.fall_back(batch, Status::TooShort);

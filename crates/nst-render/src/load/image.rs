@@ -9,7 +9,9 @@ use std::{
 use image::{ColorType, DynamicImage, ImageReader, Limits};
 
 use super::mtl::RADIANCE;
-use crate::{Error, Texture, exr_file::ExrFile};
+use nst_files::picture::Picture;
+
+use crate::{Error, Texture};
 
 /// The most memory that one image may take.
 const MOST_BYTES: u64 = 1 << 31;
@@ -114,18 +116,25 @@ fn srgb_to_linear(x: f32) -> f32 {
 
 /// The channels R, G and B, or Y, as they are.
 fn read_exr(path: &Path, most_bytes: u64, defaults: &mut Vec<String>) -> Result<Texture, Error> {
-    check_exr_size(path, most_bytes)?;
-    let mut file = ExrFile::read(path)?;
-    let [r, g, b] = match file.channels.remove("Y") {
-        Some(y) if !file.channels.contains_key("R") => [y.clone(), y.clone(), y],
-        _ => [file.take(path, "R")?, file.take(path, "G")?, file.take(path, "B")?],
-    };
+    let picture = Picture::open(path, None)?;
+    let [width, height] = picture.size.map(u64::from);
+    if width * height * (size_of::<f32>() * picture.channel_names.len()) as u64 > most_bytes {
+        let message = format!(
+            "{width} by {height} pixels are too many, for this program or for the file's length"
+        );
+        return Err(Error::image(path, message));
+    }
+    let lanes = picture.read()?;
+    let pixels = (width * height) as usize;
+    let channel = |channel: usize| &lanes[channel * pixels..][..pixels];
+    // One channel is grey.
+    let [r, g, b] = if lanes.len() == pixels { [0; 3] } else { [0, 1, 2] }.map(channel);
     let mut negative = 0_usize;
     let mut texels = Vec::with_capacity(r.len());
-    for ((r, g), b) in r.into_iter().zip(g).zip(b) {
+    for ((&r, &g), &b) in r.iter().zip(g).zip(b) {
         let texel = [r, g, b];
         if !texel.iter().all(|x| x.is_finite() && x <= RADIANCE.end()) {
-            let (i, width) = (texels.len(), file.size[0].max(1) as usize);
+            let (i, width) = (texels.len(), width as usize);
             let message = format!(
                 "the pixel at column {}, row {} is not finite or beyond 1e15",
                 i % width,
@@ -139,28 +148,7 @@ fn read_exr(path: &Path, most_bytes: u64, defaults: &mut Vec<String>) -> Result<
     if negative > 0 {
         defaults.push(format!("{negative} negative texels of '{}' set to 0", path.display()));
     }
-    new_texture(path, file.size, texels)
-}
-
-/// Before anything of that size is allocated.
-fn check_exr_size(path: &Path, most_bytes: u64) -> Result<(), Error> {
-    let malformed = |error: exr::error::Error| match error {
-        exr::error::Error::Io(error) => Error::io("read", path, error),
-        error => Error::image(path, format!("not a readable EXR file: {error}")),
-    };
-    let meta = exr::meta::MetaData::read_from_file(path, false).map_err(malformed)?;
-    for header in &meta.headers {
-        let (width, height) = (header.layer_size.x() as u64, header.layer_size.y() as u64);
-        let samples =
-            width.saturating_mul(height).saturating_mul(header.channels.list.len() as u64);
-        if samples.saturating_mul(4) > most_bytes {
-            let message = format!(
-                "{width} by {height} pixels are too many, for this program or for the file's length"
-            );
-            return Err(Error::image(path, message));
-        }
-    }
-    Ok(())
+    new_texture(path, picture.size, texels)
 }
 
 #[cfg(test)]

@@ -2,16 +2,22 @@
 
 use std::{
     collections::BTreeMap,
+    fmt,
     time::{Duration, Instant},
 };
 
-use nst_core::{Estimates, metrics};
-use nst_render::{Keep, RenderSettings, SamplerKind, Scene, film, output::OutputFile, render};
+use nst_core::{Estimates, Keep, metrics};
+use nst_files::{
+    ColorModel,
+    output::{Kind, Name, OutputFile, Outputs},
+    picture::Picture,
+    picture_writer::write_exr,
+};
+use nst_render::{RenderSettings, Rendering, SamplerKind, Scene, render};
 use serde::Serialize;
 
 use crate::{
     args::{BenchSceneArgs, TransformArg},
-    commands::set_threads,
     error::Error,
     method::{DEFAULT_WINDOW, Method, Origin},
     summary::timed,
@@ -33,84 +39,156 @@ struct SceneRow<'a> {
     total_seconds: f64,
 }
 
-pub(super) fn run(args: &BenchSceneArgs) -> Result<(), Error> {
-    set_threads(&args.common)?;
-    let start = Instant::now();
-    let mut scene = Scene::load(&args.scene)?;
-    let loading = start.elapsed();
-    let (size, reference) = film::read_exr_layer(&args.reference, "")?;
-    scene.size = size;
-    let fingerprint = scene.fingerprint();
-    let sampler = SamplerKind::default();
+/// The mean over the runs of a method and a sample count.
+#[derive(Serialize)]
+struct Mean {
+    method: String,
+    spp: u32,
+    mse: f64,
+    /// Relative to the plain estimates'.
+    mse_ratio: f64,
+}
 
-    let csv_error = |source| Error::Csv { path: args.output.clone(), source };
-    let mut output = OutputFile::create(&args.output)?;
+#[derive(Serialize)]
+pub(super) struct Report {
+    runs: u32,
+    means: Vec<Mean>,
+    output: String,
+}
+
+/// What all runs share.
+struct Bench<'a> {
+    args: &'a BenchSceneArgs,
+    scene: Scene,
+    fingerprint: String,
+    reference: Vec<f32>,
+    /// How long the scene took to load.
+    loading: Duration,
+}
+
+pub(super) fn run(args: &BenchSceneArgs) -> Result<Report, Error> {
+    if args.seed.checked_add(u64::from(args.runs)).is_none() {
+        return Err(Error::Usage(format!(
+            "--seed {} leaves no room for {} runs, whose seeds count up from it",
+            args.seed, args.runs
+        )));
+    }
+    let bench = Bench::open(args)?;
+    let inputs = bench.scene.inputs.iter().chain([&args.reference]);
+    let mut output = Outputs::of_inputs(inputs).open(&args.output, Kind::Csv, Name::Given)?;
     let mut writer = csv::Writer::from_writer(output.file());
     // MSE summed over the runs, by method and sample count.
     let mut sums: BTreeMap<(String, u32), f64> = BTreeMap::new();
     for &spp in &args.spp {
-        let origin = Origin { scene: &fingerprint, sampler: sampler.name(), counts: &[spp] };
-        let transforms = [TransformArg::None].iter().chain(&args.transform);
-        let methods = transforms
-            .map(|&transform| Method::named(transform, args.backend, origin))
-            .collect::<Result<Vec<_>, _>>()?;
-        for method in &methods {
-            method.check_terms(spp as usize, "leave this sample count out of --spp")?;
-        }
-        let window = methods.iter().map(|m| m.transform.window()).fold(DEFAULT_WINDOW, usize::max);
+        let methods = bench.methods(spp)?;
         for run in 0..args.runs {
-            let seed = args.seed + u64::from(run);
-            let settings = RenderSettings { spp, sampler, seed, keep: Keep::Window(window as u32) };
-            let rendering = render(&scene, &settings, &|_| {})?;
-            for (i, method) in methods.iter().enumerate() {
-                // `auto` may stand for a method that is here already.
-                if methods[..i].iter().any(|earlier| earlier.name == method.name) {
-                    continue;
-                }
-                let (mut transform, mut io) = (Duration::ZERO, loading);
-                let mut estimates = Estimates::default();
-                timed(&mut transform, || method.transform.apply(&rendering.batch, &mut estimates))?;
-                timed(&mut io, || write_and_drop(&scene, &estimates))?;
-                let error = metrics::error(estimates.values(), &reference)?;
-                *sums.entry((method.name.clone(), spp)).or_default() += error.mse;
-                let row = SceneRow {
-                    scene: &scene.name,
-                    method: &method.name,
-                    spp,
-                    run,
-                    mse: error.mse,
-                    relmse: error.relmse,
-                    smape: error.smape,
-                    render_seconds: rendering.time.as_secs_f64(),
-                    transform_seconds: transform.as_secs_f64(),
-                    io_seconds: io.as_secs_f64(),
-                    total_seconds: (rendering.time + transform + io).as_secs_f64(),
-                };
-                writer.serialize(row).map_err(csv_error)?;
+            let rendering = bench.render(&methods, spp, run)?;
+            for method in &methods {
+                let row = bench.measure(method, &rendering, spp, run)?;
+                *sums.entry((method.name.clone(), spp)).or_default() += row.mse;
+                writer
+                    .serialize(row)
+                    .map_err(|source| Error::Csv { path: args.output.clone(), source })?;
             }
         }
     }
-    writer.flush().map_err(|error| csv_error(error.into()))?;
+    let flushed = writer.flush();
+    flushed.map_err(|error| Error::Csv { path: args.output.clone(), source: error.into() })?;
     drop(writer);
     output.commit()?;
-    if !args.common.quiet {
-        println!("MSE = mean (x − I)², ratio to none, over {} runs", args.runs);
-        for ((method, spp), mse) in &sums {
-            let none = sums[&("none".to_owned(), *spp)];
-            println!(
-                "{method:12} {spp:5} spp  {:.3e}  {:.3}",
-                mse / f64::from(args.runs),
-                mse / none
-            );
+    let plain = |spp| sums[&("none".to_owned(), spp)];
+    let mean = |((method, spp), &sum): (&(String, u32), &f64)| Mean {
+        method: method.clone(),
+        spp: *spp,
+        mse: sum / f64::from(args.runs),
+        mse_ratio: sum / plain(*spp),
+    };
+    let means = sums.iter().map(mean).collect();
+    Ok(Report { runs: args.runs, means, output: args.output.display().to_string() })
+}
+
+impl<'a> Bench<'a> {
+    /// Loads the scene, and the reference, which sets the film's size.
+    fn open(args: &'a BenchSceneArgs) -> Result<Self, Error> {
+        let start = Instant::now();
+        let scene = Scene::load(&args.scene)?;
+        let loading = start.elapsed();
+        let reference = Picture::open(&args.reference, None)?;
+        if reference.channel_names.len() != ColorModel::Rgb.channels().len() {
+            return Err(Error::Unlike(format!(
+                "the reference '{}' has no channels R, G and B, which renderings have",
+                args.reference.display()
+            )));
         }
+        let scene = Scene { size: reference.size, ..scene };
+        let fingerprint = scene.fingerprint();
+        Ok(Self { args, scene, fingerprint, reference: reference.read()?, loading })
     }
-    Ok(())
+
+    /// The plain estimate and the methods that were asked for, each once: `auto` may
+    /// stand for one that is named as well.
+    fn methods(&self, spp: u32) -> Result<Vec<Method>, Error> {
+        let sampler = SamplerKind::default().to_string();
+        let origin = Origin { scene: &self.fingerprint, sampler: &sampler, counts: &[spp] };
+        let mut methods: Vec<Method> = Vec::new();
+        for &transform in [TransformArg::None].iter().chain(&self.args.transform) {
+            let method = Method::named(transform, self.args.backend, origin)?;
+            method.check_terms(spp as usize, "leave this sample count out of --spp")?;
+            if methods.iter().all(|earlier| earlier.name != method.name) {
+                methods.push(method);
+            }
+        }
+        Ok(methods)
+    }
+
+    fn render(&self, methods: &[Method], spp: u32, run: u32) -> Result<Rendering, Error> {
+        let windows = methods.iter().map(|method| method.transform.requires().window);
+        let keep = Keep::Window(windows.fold(DEFAULT_WINDOW, usize::max) as u32);
+        let seed = self.args.seed + u64::from(run);
+        let settings = RenderSettings { spp, sampler: SamplerKind::default(), seed, keep };
+        Ok(render(&self.scene, &settings, &|_| {})?)
+    }
+
+    fn measure<'r>(
+        &'r self,
+        method: &'r Method,
+        rendering: &Rendering,
+        spp: u32,
+        run: u32,
+    ) -> Result<SceneRow<'r>, Error> {
+        let (mut transform, mut io) = (Duration::ZERO, self.loading);
+        let mut estimates = Estimates::default();
+        timed(&mut transform, || method.transform.transform(&rendering.batch, &mut estimates))?;
+        timed(&mut io, || write_and_drop(&self.scene, &estimates))?;
+        let error = metrics::error(estimates.values(), &self.reference)?;
+        Ok(SceneRow {
+            scene: &self.scene.name,
+            method: &method.name,
+            spp,
+            run,
+            mse: error.mse,
+            relmse: error.relmse,
+            smape: error.smape,
+            render_seconds: rendering.time.as_secs_f64(),
+            transform_seconds: transform.as_secs_f64(),
+            io_seconds: io.as_secs_f64(),
+            total_seconds: (rendering.time + transform + io).as_secs_f64(),
+        })
+    }
 }
 
 /// Writes the picture as `nst render` would, to time it, and throws it away.
 fn write_and_drop(scene: &Scene, estimates: &Estimates) -> Result<(), Error> {
-    let folder = std::env::temp_dir();
-    let mut exr = OutputFile::create(&folder.join("nst-bench.exr"))?;
-    film::write_exr(&mut exr, scene.size, estimates.values(), &[])?;
-    Ok(())
+    let mut exr = OutputFile::create(&std::env::temp_dir().join("nst-bench.exr"))?;
+    Ok(write_exr(&mut exr, scene.size, ColorModel::Rgb, &[("", estimates.values())])?)
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "MSE = mean (x − I)², ratio to none, over {} runs", self.runs)?;
+        for Mean { method, spp, mse, mse_ratio } in &self.means {
+            writeln!(f, "{method:12} {spp:5} spp  {mse:.3e}  {mse_ratio:.3}")?;
+        }
+        write!(f, "wrote {}", self.output)
+    }
 }

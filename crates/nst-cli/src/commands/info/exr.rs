@@ -1,0 +1,158 @@
+//! EXR files: sequences and pictures.
+
+use std::{collections::BTreeMap, fmt, path::Path};
+
+use nst_files::{
+    header::{ExrHeader, Part},
+    sequence_file::SequenceReader,
+};
+use serde::Serialize;
+
+use super::{Content, list, numbers, or_unknown};
+use crate::error::Error;
+
+#[derive(Serialize)]
+pub(super) struct PictureReport {
+    bytes: u64,
+    parts: Vec<PartReport>,
+}
+
+#[derive(Serialize)]
+pub(super) struct SequenceReport {
+    width: u32,
+    height: u32,
+    channels: &'static [&'static str],
+    sample_counts: Vec<u32>,
+    side_channels: Vec<String>,
+    scene: String,
+    sampler: String,
+    seeds: Vec<u64>,
+    render_seconds: f32,
+    resumable: bool,
+    #[serde(flatten)]
+    picture: PictureReport,
+}
+
+#[derive(Serialize)]
+struct PartReport {
+    name: Option<String>,
+    width: u32,
+    height: u32,
+    position: [i32; 2],
+    storage: String,
+    deep: bool,
+    layers: Vec<String>,
+    channels: Vec<Channel>,
+    attributes: BTreeMap<String, String>,
+}
+
+#[derive(Serialize)]
+struct Channel {
+    name: String,
+    #[serde(rename = "type")]
+    kind: &'static str,
+}
+
+pub(super) fn read(path: &Path) -> Result<Content, Error> {
+    let header = ExrHeader::read(path)?;
+    let bytes = std::fs::metadata(path).map(|file| file.len()).unwrap_or_default();
+    let layers = header.layers();
+    let parts = header.parts.iter().enumerate().map(|(index, part)| {
+        let layers = layers.iter().filter(|layer| layer.part == index);
+        PartReport::new(part, layers.map(|layer| layer.name.clone()).collect())
+    });
+    let picture = PictureReport { bytes, parts: parts.collect() };
+    if !header.parts[0].attributes.contains_key("nst.terms") {
+        return Ok(Content::Picture(picture));
+    }
+    let reader = SequenceReader::open(path)?;
+    let info = reader.info();
+    Ok(Content::Sequence(SequenceReport {
+        width: info.size[0],
+        height: info.size[1],
+        channels: info.model.channels(),
+        sample_counts: info.sample_counts.clone(),
+        side_channels: info.sides.iter().map(ToString::to_string).collect(),
+        scene: info.scene.clone(),
+        sampler: info.sampler.clone(),
+        seeds: info.seeds.clone(),
+        render_seconds: info.render_seconds,
+        resumable: info.resume.is_some(),
+        picture,
+    }))
+}
+
+impl PartReport {
+    fn new(part: &Part, layers: Vec<String>) -> Self {
+        let channel = |channel: &nst_files::header::Channel| Channel {
+            name: channel.name.clone(),
+            kind: channel.kind,
+        };
+        Self {
+            name: part.name.clone(),
+            width: part.size[0],
+            height: part.size[1],
+            position: part.position,
+            storage: part.storage.clone(),
+            deep: part.deep,
+            layers,
+            channels: part.channels.iter().map(channel).collect(),
+            attributes: part.attributes.clone(),
+        }
+    }
+}
+
+impl fmt::Display for SequenceReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "sequence (EXR), {} bytes", self.picture.bytes)?;
+        writeln!(f, "terms       {}", numbers(&self.sample_counts))?;
+        writeln!(f, "beside them {}", list(&self.side_channels, "nothing"))?;
+        writeln!(f, "scene       {}", or_unknown(&self.scene))?;
+        let seeds: Vec<_> = self.seeds.iter().map(u64::to_string).collect();
+        let seeds = list(&seeds, "not recorded");
+        writeln!(f, "sampler     {}, seed {seeds}", or_unknown(&self.sampler))?;
+        let can = if self.resumable { "can" } else { "cannot" };
+        writeln!(f, "rendering   {} s, {can} be continued", self.render_seconds)?;
+        self.picture.write_parts(f)
+    }
+}
+
+impl fmt::Display for PictureReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "picture (EXR), {} bytes", self.bytes)?;
+        self.write_parts(f)
+    }
+}
+
+impl PictureReport {
+    fn write_parts(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for part in &self.parts {
+            writeln!(f, "{}", part.headline())?;
+            let main = |name: &String| if name.is_empty() { "(main)".into() } else { name.clone() };
+            let names: Vec<String> = part.layers.iter().map(main).collect();
+            writeln!(f, "layers      {}", list(&names, "none that is a picture"))?;
+            for (name, value) in &part.attributes {
+                writeln!(f, "attribute   {name} = {value}")?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl PartReport {
+    fn headline(&self) -> String {
+        let Self { width, height, position: [x, y], .. } = self;
+        let name = self.name.as_ref().map(|name| format!("'{name}'")).unwrap_or_default();
+        let at = if [*x, *y] == [0, 0] { String::new() } else { format!(" from ({x}, {y})") };
+        let mut kinds: Vec<_> = self.channels.iter().map(|channel| channel.kind).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        format!(
+            "part {name:6} {width}x{height} pixels{at}, {} channels of {}, {}{}",
+            self.channels.len(),
+            kinds.join(" and "),
+            self.storage,
+            if self.deep { ", deep" } else { "" }
+        )
+    }
+}

@@ -1,0 +1,104 @@
+//! Files of tensors: weights of networks, and datasets.
+
+use std::{fmt, path::Path};
+
+use nst_core::Network;
+use nst_files::dataset::DatasetInfo;
+use serde::Serialize;
+
+use super::{numbers, or_unknown};
+use crate::error::Error;
+
+#[derive(Serialize)]
+pub(super) struct WeightsInfo {
+    shape: String,
+    parameters: usize,
+    window: usize,
+    trained_on: Vec<String>,
+    samples: [u32; 2],
+    sampler: Option<String>,
+    loss: String,
+    epochs: u32,
+    seed: u64,
+    config: String,
+}
+
+impl WeightsInfo {
+    pub(super) fn read(path: &Path) -> Result<Self, Error> {
+        let network = Network::read(path)
+            .map_err(|source| Error::Weights { path: path.to_owned(), source })?;
+        let metadata = network.metadata();
+        let of_layers = network.layers().iter().map(|layer| layer.weight.len() + layer.bias.len());
+        Ok(Self {
+            shape: network.shape(),
+            parameters: of_layers.sum(),
+            window: metadata.window,
+            trained_on: metadata.trained_on.clone(),
+            samples: [metadata.samples.0, metadata.samples.1],
+            sampler: metadata.sampler.clone(),
+            loss: metadata.loss.clone(),
+            epochs: metadata.epochs,
+            seed: metadata.seed,
+            config: metadata.config.clone(),
+        })
+    }
+}
+
+impl fmt::Display for WeightsInfo {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { shape, parameters, samples: [first, last], .. } = self;
+        writeln!(f, "weights of a network, {shape} wide, {parameters} parameters")?;
+        writeln!(f, "reads       the last {} terms", self.window)?;
+        writeln!(f, "trained on  {}, {first} to {last} samples", self.trained_on.join(", "))?;
+        let Self { loss, epochs, seed, .. } = self;
+        writeln!(f, "training    loss {loss}, {epochs} epochs, seed {seed}")
+    }
+}
+
+#[derive(Serialize)]
+pub(super) struct DatasetReport {
+    runs: u32,
+    sample_counts: Vec<u32>,
+    width: u32,
+    height: u32,
+    channels: u32,
+    scene: String,
+    sampler: String,
+    first_seed: Option<u64>,
+}
+
+impl DatasetReport {
+    pub(super) fn read(path: &Path) -> Result<Self, Error> {
+        let info = DatasetInfo::read(path)?;
+        Ok(Self {
+            runs: info.runs,
+            sample_counts: info.sample_counts,
+            width: info.size[0],
+            height: info.size[1],
+            channels: info.channels,
+            scene: info.scene,
+            sampler: info.sampler,
+            first_seed: info.first_seed,
+        })
+    }
+}
+
+impl fmt::Display for DatasetReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { runs, width, height, channels, sample_counts, .. } = self;
+        writeln!(
+            f,
+            "dataset, {runs} runs of {} terms, {width}x{height} pixels, {channels} channels",
+            sample_counts.len()
+        )?;
+        writeln!(f, "samples     {}", numbers(sample_counts))?;
+        writeln!(f, "scene       {}", or_unknown(&self.scene))?;
+        let seeds = match self.first_seed {
+            None => "not recorded".to_owned(),
+            Some(first) => {
+                format!("{first} to {}", u128::from(first) + u128::from(*runs).saturating_sub(1))
+            }
+        };
+        writeln!(f, "sampler     {}, seeds {seeds}", or_unknown(&self.sampler))
+    }
+}

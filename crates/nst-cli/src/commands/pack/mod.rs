@@ -1,0 +1,157 @@
+//! `nst pack`: other renderers' pictures → a sequence, or sequences → a dataset.
+
+mod counts;
+mod runs;
+
+use std::fmt;
+
+use nst_files::{
+    output::{Kind, Name, Outputs},
+    pack::{self, Pack, Packer},
+    sequence_file::{SequenceInfo, SequenceWriter},
+};
+use serde::Serialize;
+
+use super::{list, numbers};
+use crate::{
+    args::{PackArgs, PackAs, has_extension},
+    error::Error,
+    report::Done,
+};
+use counts::{Source, samples_each, samples_of_estimates, sort};
+
+pub(super) fn run(args: &PackArgs) -> Result<Done, Error> {
+    check(args)?;
+    match args.kind {
+        PackAs::Runs => runs::run(args).map(Done::whole),
+        PackAs::Samples | PackAs::Estimates => sequence(args).map(Done::whole),
+    }
+}
+
+/// What clap cannot say: which options belong to which kind.
+fn check(args: &PackArgs) -> Result<(), Error> {
+    let wrong = |message: &str| Err(Error::Usage(message.to_owned()));
+    if args.spp.is_some() && args.kind != PackAs::Samples {
+        return wrong("--spp is for --as samples; --as estimates takes --spp-list");
+    }
+    if args.spp_list.is_some() && args.kind != PackAs::Estimates {
+        return wrong("--spp-list is for --as estimates; --as samples takes --spp");
+    }
+    let runs = args.kind == PackAs::Runs;
+    if runs && (args.channels.is_some() || args.scene.is_some() || args.seed.is_some()) {
+        return wrong(
+            "--channels, --scene and --seed are not for --as runs: the sequences have them",
+        );
+    }
+    let extension = if runs { "safetensors" } else { "exr" };
+    if !has_extension(&args.output, extension) {
+        return wrong(&format!(
+            "--output '{}': the name must end in .{extension}",
+            args.output.display()
+        ));
+    }
+    match &args.spp_list {
+        Some(list) if list.len() != args.files.len() => {
+            wrong(&format!("--spp-list has {} numbers for {} files", list.len(), args.files.len()))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// What pictures became a sequence.
+#[derive(Serialize)]
+struct Report {
+    /// In the order of the sequence.
+    files: Vec<String>,
+    width: u32,
+    height: u32,
+    /// Where the pictures lie in their programs' larger ones; the sequence begins at (0, 0).
+    position: [i32; 2],
+    layer: String,
+    channels: Vec<String>,
+    sample_counts: Vec<u32>,
+    samples_from: Source,
+    side_channels: Vec<String>,
+    /// Files with values that are not finite, and how many.
+    nonfinite: Vec<(String, u64)>,
+    /// Whether means are taken, which leave such values out.
+    #[serde(skip)]
+    means: bool,
+    output: String,
+}
+
+fn sequence(args: &PackArgs) -> Result<Report, Error> {
+    let mut outputs = Outputs::of_inputs(&args.files);
+    let mut output = outputs.open(&args.output, Kind::Sequence, Name::Given)?;
+    let mut pictures = pack::open(&args.files, args.channels.as_deref())?;
+    let (pack, samples_from) = match args.kind {
+        PackAs::Samples => {
+            let (spp, source) = samples_each(args.spp, &pictures)?;
+            (Pack::Samples(spp), source)
+        }
+        _ => {
+            let (counts, source) = samples_of_estimates(args.spp_list.as_deref(), &pictures)?;
+            let counts = sort(&mut pictures, counts)?;
+            (Pack::Estimates(counts), source)
+        }
+    };
+    let files = pictures.iter().map(|picture| picture.path().display().to_string()).collect();
+    let first = pictures[0].clone();
+    let mut packer = Packer::new(pictures, pack)?;
+    let info = SequenceInfo {
+        size: packer.size(),
+        model: packer.model(),
+        sample_counts: packer.sample_counts().to_vec(),
+        sides: packer.sides(),
+        scene: args.scene.clone().unwrap_or_default(),
+        sampler: String::new(),
+        seeds: args.seed.into_iter().collect(),
+        render_seconds: 0.0,
+        resume: None,
+    };
+    let mut writer = SequenceWriter::create(&mut output, &info)?;
+    for rows in packer.strips() {
+        writer.push(&packer.read(rows)?, None)?;
+    }
+    writer.finish()?;
+    let nonfinite = packer.finish()?;
+    output.commit()?;
+    Ok(Report {
+        files,
+        width: info.size[0],
+        height: info.size[1],
+        position: first.position,
+        layer: first.layer,
+        channels: first.channel_names,
+        sample_counts: info.sample_counts,
+        samples_from,
+        side_channels: info.sides.iter().map(ToString::to_string).collect(),
+        nonfinite: nonfinite.into_iter().map(|(path, n)| (path.display().to_string(), n)).collect(),
+        means: args.kind == PackAs::Samples,
+        output: args.output.display().to_string(),
+    })
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { width, height, position: [x, y], .. } = self;
+        let stored = match [x, y] {
+            [0, 0] => String::new(),
+            _ => format!("; stored from (0, 0) instead of ({x}, {y})"),
+        };
+        writeln!(
+            f,
+            "pictures   {} of {width}x{height} pixels, channels {}{stored}",
+            self.files.len(),
+            self.channels.join(", ")
+        )?;
+        let counts = numbers(&self.sample_counts);
+        writeln!(f, "samples    {counts} per pixel ({})", self.samples_from)?;
+        writeln!(f, "order      {}", list(&self.files, ""))?;
+        let left_out = if self.means { ", and are left out of the means" } else { "" };
+        for (path, count) in &self.nonfinite {
+            writeln!(f, "note       {count} values of '{path}' are not finite{left_out}")?;
+        }
+        write!(f, "wrote      {}", self.output)
+    }
+}

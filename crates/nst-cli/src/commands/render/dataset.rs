@@ -1,0 +1,101 @@
+//! `nst render --runs`: many independent renderings, straight to a file.
+
+use std::fmt;
+
+use nst_files::{
+    dataset::{DatasetInfo, DatasetWriter},
+    output::{Kind, OutputFile},
+};
+use nst_render::{Control, RenderSettings, Scene, render_from};
+use serde::Serialize;
+
+use super::{describe, load_scene, outputs, paths, progress_bar, settings};
+use crate::{
+    args::{KeepArg, RenderArgs},
+    error::Error,
+    interrupt,
+    method::DEFAULT_WINDOW,
+    report::Done,
+};
+
+/// What was rendered.
+#[derive(Serialize)]
+struct Report {
+    runs: u32,
+    files: Vec<String>,
+    notes: Vec<String>,
+}
+
+pub(super) fn run(args: &RenderArgs, runs: u32) -> Result<Done, Error> {
+    let settings = settings(args, DEFAULT_WINDOW, KeepArg::All);
+    if settings.seed.checked_add(u64::from(runs)).is_none() {
+        return Err(Error::Usage(format!(
+            "--seed {} leaves no room for {runs} runs, whose seeds count up from it",
+            settings.seed
+        )));
+    }
+    let scene = load_scene(args, None)?;
+    let path = args.output(&scene.name)?;
+    let output = outputs(args, &scene).open(&path, Kind::Dataset, args.output_name())?;
+    interrupt::watch()?;
+    describe(&scene, args.spp, &args.common)?;
+    let done = write(args, runs, &scene, &settings, output)?;
+    let report = Report {
+        runs: done,
+        files: vec![path.display().to_string()],
+        notes: scene.notes.clone(),
+    };
+    let early =
+        (done < runs).then(|| format!("{done} of {runs} runs are in '{}'", path.display()));
+    Ok(Done { report: Box::new(report), early })
+}
+
+/// Renders and writes runs until Ctrl-C; returns how many there are.
+fn write(
+    args: &RenderArgs,
+    runs: u32,
+    scene: &Scene,
+    settings: &RenderSettings,
+    output: OutputFile,
+) -> Result<u32, Error> {
+    let sample_counts = settings.keep.sample_counts(args.spp);
+    let info = DatasetInfo {
+        size: scene.size,
+        channels: 3,
+        runs,
+        sample_counts: sample_counts.clone(),
+        scene: scene.fingerprint(),
+        sampler: settings.sampler.to_string(),
+        first_seed: Some(settings.seed),
+    };
+    let mut writer = DatasetWriter::new(output, info)?;
+    let bar = progress_bar(paths(scene, args.spp) * u64::from(runs), &args.common);
+    let progress = |paths| bar.inc(paths);
+    let control = Control { progress: &progress, stop: &interrupt::asked };
+    let mut done = 0;
+    while done < runs {
+        let seed = settings.seed + u64::from(done);
+        let rendering = render_from(None, scene, &RenderSettings { seed, ..*settings }, control)?;
+        // A run that Ctrl-C has cut short is left out.
+        if rendering.batch.sample_counts() != sample_counts {
+            break;
+        }
+        writer.push(&rendering.batch)?;
+        done += 1;
+        if interrupt::asked() {
+            break;
+        }
+    }
+    bar.finish_and_clear();
+    if done == 0 {
+        return Err(Error::Interrupted("no run was complete, nothing is written".into()));
+    }
+    writer.finish()?;
+    Ok(done)
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "wrote      {} ({} runs)", self.files.join(", "), self.runs)
+    }
+}

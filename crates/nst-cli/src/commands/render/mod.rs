@@ -1,0 +1,93 @@
+//! `nst render`: scene → sequence → transformation → pictures.
+
+mod dataset;
+mod picture;
+mod resume;
+
+use indicatif::{ProgressBar, ProgressStyle};
+use nst_core::Keep;
+use nst_files::{output::Outputs, sequence_file::SequenceInfo};
+use nst_render::{PixelFilter, RenderSettings, Scene};
+
+use crate::{
+    args::{CommonArgs, IntegratorArg, KeepArg, RenderArgs},
+    error::Error,
+    method::DEFAULT_WINDOW,
+    report::{Done, say},
+};
+
+pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
+    match args.runs {
+        Some(runs) => dataset::run(args, runs),
+        None => picture::run(args),
+    }
+}
+
+/// How to render; `keep` is what `--keep` is without being given.
+fn settings(args: &RenderArgs, window: usize, keep: KeepArg) -> RenderSettings {
+    let window = window.max(DEFAULT_WINDOW) as u32;
+    RenderSettings {
+        spp: args.spp,
+        sampler: args.sampler.map_or_else(Default::default, Into::into),
+        seed: args.seed.unwrap_or_default(),
+        keep: match args.keep.unwrap_or(keep) {
+            KeepArg::All => Keep::All,
+            KeepArg::Pow2 => Keep::Pow2(window),
+            KeepArg::Window => Keep::Window(window),
+        },
+    }
+}
+
+fn paths(scene: &Scene, spp: u32) -> u64 {
+    u64::from(scene.size[0]) * u64::from(scene.size[1]) * u64::from(spp)
+}
+
+/// The outputs of a job that reads a scene, and perhaps weights.
+fn outputs(args: &RenderArgs, scene: &Scene) -> Outputs {
+    Outputs::of_inputs(scene.inputs.iter().chain(&args.method.weights))
+}
+
+/// Loads the scene; a stored sequence stands in for options that are not given.
+fn load_scene(args: &RenderArgs, stored: Option<&SequenceInfo>) -> Result<Scene, Error> {
+    let mut scene = Scene::load(&args.scene)?;
+    let how = stored.and_then(|info| info.resume.as_ref());
+    scene.size = args.size.or(stored.map(|info| info.size)).unwrap_or(scene.size);
+    let direct = matches!(args.integrator, Some(IntegratorArg::Direct)).then_some(2);
+    let depth = direct.or(args.max_depth).or(how.map(|how| how.max_depth));
+    scene.max_depth = depth.unwrap_or(scene.max_depth);
+    scene.pixel_filter = match (args.pixel, how) {
+        (Some(filter), _) => filter.into(),
+        (None, Some(how)) => how.pixel_filter.parse().map_err(nst_render::Error::Settings)?,
+        (None, None) => PixelFilter::default(),
+    };
+    Ok(scene)
+}
+
+/// Says what is about to be rendered.
+fn describe(scene: &Scene, spp: u32, common: &CommonArgs) -> Result<(), Error> {
+    let lights = scene.triangles.iter().filter(|t| scene.materials[t.material as usize].emits());
+    let mut lines = format!(
+        "scene      {}: {} triangles, {} of them lights, {} materials\n",
+        scene.name,
+        scene.triangles.len(),
+        lights.count(),
+        scene.materials.len()
+    );
+    for note in &scene.notes {
+        lines += &format!("           note: {note}\n");
+    }
+    let [width, height] = scene.size;
+    lines +=
+        &format!("film       {width}x{height}, {spp} spp, paths of up to {} vertices", scene.max_depth);
+    say(&lines, common)
+}
+
+/// A bar on a terminal, nothing in a pipe.
+fn progress_bar(paths: u64, common: &CommonArgs) -> ProgressBar {
+    if common.quiet || common.json {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("render     {bar:40} {percent:>3} %, {eta} left")
+        .expect("the template is a constant");
+    ProgressBar::new(paths).with_style(style)
+}

@@ -1,0 +1,234 @@
+//! One rendering: its sequence, what the transformation makes of it, and the pictures.
+
+use std::path::{Path, PathBuf};
+
+use nst_core::{Estimates, SequenceBatch, Side};
+use nst_files::{
+    ColorModel,
+    output::{Kind, Name, OutputFile, Outputs, commit},
+    picture_writer::write_exr,
+    png,
+    sequence_file::{ResumeInfo, SequenceInfo, SequenceWriter},
+};
+use nst_render::{Control, RenderSettings, Rendering, SamplerKind, Scene, render_from};
+
+use super::{
+    describe, load_scene, outputs, paths, progress_bar,
+    resume::{self, Resumed, Start},
+    settings,
+};
+use crate::{
+    args::{KeepArg, RenderArgs},
+    error::Error,
+    fallback::caught,
+    interrupt,
+    method::{Method, Origin},
+    report::{Done, say},
+    summary::{LaneCounts, RenderStats, Stopwatch, timed},
+};
+
+/// A rendering that is about to begin.
+struct Job<'a> {
+    args: &'a RenderArgs,
+    scene: Scene,
+    fingerprint: String,
+    sampler: SamplerKind,
+}
+
+pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
+    let mut watch = Stopwatch::start();
+    let resumed = timed(&mut watch.io, || args.resume.as_deref().map(resume::open).transpose())?;
+    let stored = resumed.as_ref().map(|resumed| &resumed.info);
+    let scene = timed(&mut watch.io, || load_scene(args, stored))?;
+    let sampler = match &resumed {
+        None => args.sampler.map_or_else(Default::default, Into::into),
+        Some(resumed) => resumed.sampler,
+    };
+    let job = Job { args, fingerprint: scene.fingerprint(), scene, sampler };
+    let method = job.method(args.spp)?;
+    let advice =
+        format!("use --spp {} or more, or --transform none", method.transform.requires().window);
+    method.check_terms(args.spp as usize, &advice)?;
+    let settings = match &resumed {
+        None => settings(args, method.transform.requires().window, KeepArg::Window),
+        Some(resumed) => resumed.settings(args, &job.scene, &job.fingerprint, &method)?,
+    };
+    // Opened now, so that a place that cannot be written to is found out early.
+    let files = Files::open(&job, resumed.as_ref())?;
+
+    interrupt::watch()?;
+    let start = timed(&mut watch.io, || resumed.map(Resumed::read).transpose())?;
+    describe(&job.scene, args.spp, &args.common)?;
+    if let Some(start) = &start {
+        say(&format!("resumed    from {} spp", start.samples), &args.common)?;
+    }
+    job.render(watch, method, &settings, files, start)
+}
+
+/// What is written; the sequence may not be asked for.
+struct Files {
+    sequence: Option<OutputFile>,
+    exr: OutputFile,
+    png: OutputFile,
+}
+
+impl Files {
+    fn open(job: &Job<'_>, resumed: Option<&Resumed>) -> Result<Self, Error> {
+        let args = job.args;
+        let exr_path = args.output(&job.scene.name)?;
+        let mut outputs: Outputs = outputs(args, &job.scene);
+        // The sequence that is continued is replaced, unless another is named.
+        let sequence = match (&args.sequence, resumed) {
+            (Some(path), Some(resumed)) if !same(path, &resumed.path) => {
+                outputs.protect(&resumed.path);
+                Some(path)
+            }
+            (None, Some(resumed)) => Some(&resumed.path),
+            (path, _) => path.as_ref(),
+        };
+        let sequence =
+            sequence.map(|path| outputs.open(path, Kind::Sequence, Name::Given)).transpose()?;
+        let exr = outputs.open(&exr_path, Kind::Picture, args.output_name())?;
+        // Nobody gave this name.
+        let png = outputs.open(&exr_path.with_extension("png"), Kind::Png, Name::Default)?;
+        Ok(Self { sequence, exr, png })
+    }
+}
+
+fn same(a: &Path, b: &PathBuf) -> bool {
+    a == b || a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b))
+}
+
+impl Job<'_> {
+    /// The method for this many samples per pixel.
+    fn method(&self, spp: u32) -> Result<Method, Error> {
+        let (scene, sampler) = (self.fingerprint.as_str(), self.sampler.to_string());
+        let origin = Origin { scene, sampler: &sampler, counts: &[spp] };
+        Method::resolve(&self.args.method, origin)
+    }
+
+    fn render(
+        &self,
+        mut watch: Stopwatch,
+        method: Method,
+        settings: &RenderSettings,
+        files: Files,
+        start: Option<Start>,
+    ) -> Result<Done, Error> {
+        let Self { args, scene, .. } = self;
+        let Files { sequence, exr, png } = files;
+        let (done, spent) = start.as_ref().map_or((0, 0.0), |start| (start.samples, start.seconds));
+        let bar = progress_bar(paths(scene, args.spp - done), &args.common);
+        let progress = |paths| bar.inc(paths);
+        let control = Control { progress: &progress, stop: &interrupt::asked };
+        let start = start.map(|start| start.rendering);
+        let rendering = render_from(start, scene, settings, control)?;
+        bar.finish_and_clear();
+
+        // The samples are safe before anything is done with them.
+        let mut written = Vec::new();
+        timed(&mut watch.io, || sequence.map(|file| self.store(file, settings, &rendering, spent)))
+            .transpose()?
+            .into_iter()
+            .for_each(|path| written.push(path));
+        let samples = *rendering.batch.sample_counts().last().expect("a rendering has a term");
+        // Another network, or none, may be the one for fewer samples.
+        let method = if samples == args.spp { method } else { self.method(samples)? };
+        let mut estimates = Estimates::default();
+        let transformed = timed(&mut watch.transform, || {
+            caught(|| method.transform.transform(&rendering.batch, &mut estimates))
+        });
+        let values = transformed.as_ref().map_or(rendering.batch.last(), |()| estimates.values());
+        written.extend(timed(&mut watch.io, || {
+            write_pictures(scene.size, exr, png, &rendering.batch, values)
+        })?);
+        if let Err(why) = transformed {
+            let saved = format!("{} show the plain estimates", written.join(", "));
+            return Err(Error::Transform { why: why.to_string(), saved });
+        }
+
+        let mut lanes = LaneCounts::default();
+        lanes.add(&estimates);
+        let stats = RenderStats {
+            time: rendering.time,
+            build_time: rendering.build_time,
+            paths: paths(scene, samples - done),
+        };
+        let notes = self.notes(&rendering);
+        let report = watch.summary(Some(stats), &method, lanes, written, notes);
+        let early = (samples < args.spp).then(|| self.missing(samples));
+        Ok(Done { report: Box::new(report), early })
+    }
+
+    /// Writes the sequence of a rendering that had taken `spent` seconds before it was
+    /// continued; returns where.
+    fn store(
+        &self,
+        mut output: OutputFile,
+        settings: &RenderSettings,
+        rendering: &Rendering,
+        spent: f32,
+    ) -> Result<String, Error> {
+        let (scene, batch) = (&self.scene, &rendering.batch);
+        let info = SequenceInfo {
+            size: scene.size,
+            model: ColorModel::Rgb,
+            sample_counts: batch.sample_counts().to_vec(),
+            sides: batch.sides().map(|(side, _)| side.clone()).collect(),
+            scene: self.fingerprint.clone(),
+            sampler: settings.sampler.to_string(),
+            seeds: vec![settings.seed],
+            render_seconds: spent + rendering.time.as_secs_f32(),
+            resume: Some(ResumeInfo {
+                keep: settings.keep,
+                pixel_filter: scene.pixel_filter.to_string(),
+                max_depth: scene.max_depth,
+                russian_roulette: scene.russian_roulette,
+            }),
+        };
+        let mut writer = SequenceWriter::create(&mut output, &info)?;
+        writer.push(batch, Some(&rendering.sums))?;
+        writer.finish()?;
+        let path = output.path().display().to_string();
+        output.commit()?;
+        Ok(path)
+    }
+
+    fn notes(&self, rendering: &Rendering) -> Vec<String> {
+        let mut notes = self.scene.notes.clone();
+        match rendering.skipped() {
+            0 => {}
+            1 => notes.push("1 sample was not finite and counts as black".into()),
+            count => notes.push(format!("{count} samples were not finite and count as black")),
+        }
+        notes
+    }
+
+    /// What a rendering lacks that was ended early, and how to go on.
+    fn missing(&self, samples: u32) -> String {
+        let Self { args, .. } = self;
+        let sequence = args.sequence.as_ref().or(args.resume.as_ref());
+        let how = match sequence {
+            Some(path) => format!("; --resume {} goes on from there", path.display()),
+            None => String::new(),
+        };
+        format!("{samples} of {} spp are in the files{how}", args.spp)
+    }
+}
+
+/// Writes the picture with the layers `S` and `Variance`, and as PNG; returns where.
+fn write_pictures(
+    size: [u32; 2],
+    mut exr: OutputFile,
+    mut png: OutputFile,
+    batch: &SequenceBatch,
+    values: &[f32],
+) -> Result<Vec<String>, Error> {
+    let mut layers = vec![("", values), ("S", batch.last())];
+    layers.extend(batch.side(&Side::Variance).map(|variance| ("Variance", variance)));
+    write_exr(&mut exr, size, ColorModel::Rgb, &layers)?;
+    png::write(&mut png, size, values)?;
+    let written = [&exr, &png].map(|file| file.path().display().to_string());
+    commit([exr, png])?;
+    Ok(written.into())
+}

@@ -1,0 +1,221 @@
+//! [`SequenceBatch`]: many sequences of progressive estimates, side by side.
+
+use std::collections::BTreeMap;
+
+use ndarray::{Array2, ArrayView2, s};
+
+use super::{Extent, Grid, Side};
+use crate::Error;
+
+/// Progressive estimates of many independent integrals.
+///
+/// Terms are stored `[term][lane]`, so that one term of all lanes is contiguous.
+/// Term k is the estimate S_n with n = [`sample_counts`](Self::sample_counts)`[k]`
+/// samples; the counts increase but need not be consecutive. [Side channels](Side)
+/// carry further numbers per lane or pixel, such as the mean of a fold. Lanes that are
+/// those of a picture, or of some of its rows, have a [`Grid`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct SequenceBatch {
+    terms: Array2<f32>,
+    sample_counts: Vec<u32>,
+    grid: Option<Grid>,
+    sides: BTreeMap<Side, Vec<f32>>,
+}
+
+impl SequenceBatch {
+    /// Takes terms `[term][lane]` and the number of samples behind each term.
+    ///
+    /// # Errors
+    /// [`Error::Batch`] if there is no term or no lane, if the number of terms
+    /// differs from the number of counts, or if the counts do not increase from
+    /// at least 1.
+    pub fn new(terms: Array2<f32>, sample_counts: Vec<u32>) -> Result<Self, Error> {
+        let (rows, lanes) = terms.dim();
+        if rows == 0 || lanes == 0 {
+            return Err(Error::Batch(format!("{rows} terms of {lanes} lanes")));
+        }
+        if rows != sample_counts.len() {
+            return Err(Error::Batch(format!(
+                "{rows} terms but {} sample counts",
+                sample_counts.len()
+            )));
+        }
+        if sample_counts[0] == 0 || sample_counts.windows(2).any(|pair| pair[0] >= pair[1]) {
+            return Err(Error::Batch("sample counts must start at 1 or above and increase".into()));
+        }
+        let terms = if terms.is_standard_layout() {
+            terms
+        } else {
+            terms.as_standard_layout().into_owned()
+        };
+        Ok(Self { terms, sample_counts, grid: None, sides: BTreeMap::new() })
+    }
+
+    /// Accumulates samples `[sample][lane]` into the running means S_1 … S_N (in f64).
+    ///
+    /// # Errors
+    /// [`Error::Batch`] if `samples` is empty or no multiple of `lanes`.
+    pub fn from_samples(lanes: usize, samples: &[f32]) -> Result<Self, Error> {
+        if lanes == 0 || samples.is_empty() || !samples.len().is_multiple_of(lanes) {
+            return Err(Error::Batch(format!("{} samples for {lanes} lanes", samples.len())));
+        }
+        let rows = samples.len() / lanes;
+        let mut sums = vec![0.0_f64; lanes];
+        let mut terms = Vec::with_capacity(samples.len());
+        for (k, row) in samples.chunks_exact(lanes).enumerate() {
+            for (sum, sample) in sums.iter_mut().zip(row) {
+                *sum += f64::from(*sample);
+                terms.push((*sum / (k + 1) as f64) as f32);
+            }
+        }
+        let terms = Array2::from_shape_vec((rows, lanes), terms)
+            .map_err(|error| Error::Batch(error.to_string()))?;
+        let last = u32::try_from(rows)
+            .map_err(|_| Error::Batch(format!("{rows} samples of each lane are too many")))?;
+        Self::new(terms, (1..=last).collect())
+    }
+
+    /// The number of sequences.
+    #[must_use]
+    pub fn lanes(&self) -> usize {
+        self.terms.ncols()
+    }
+
+    /// The number of samples behind each stored term.
+    #[must_use]
+    pub fn sample_counts(&self) -> &[u32] {
+        &self.sample_counts
+    }
+
+    /// The stored terms, `[term][lane]`.
+    #[must_use]
+    pub fn terms(&self) -> ArrayView2<'_, f32> {
+        self.terms.view()
+    }
+
+    /// Term k of all lanes.
+    ///
+    /// # Panics
+    /// If fewer terms are stored.
+    #[must_use]
+    pub fn term(&self, k: usize) -> &[f32] {
+        let values = self.terms.as_slice().expect("the constructor makes the layout standard");
+        &values[k * self.lanes()..(k + 1) * self.lanes()]
+    }
+
+    /// The best plain estimate of each lane: S_N, the last term.
+    #[must_use]
+    pub fn last(&self) -> &[f32] {
+        self.term(self.sample_counts.len() - 1)
+    }
+
+    /// The last `length` terms, `[term][lane]`, oldest first; `None` if fewer are stored.
+    #[must_use]
+    pub fn window(&self, length: usize) -> Option<ArrayView2<'_, f32>> {
+        let first = self.sample_counts.len().checked_sub(length)?;
+        Some(self.terms.slice(s![first.., ..]))
+    }
+
+    /// Says where in a picture the lanes lie.
+    ///
+    /// # Errors
+    /// [`Error::Batch`] if the grid has another number of lanes.
+    pub fn set_grid(&mut self, grid: Grid) -> Result<(), Error> {
+        if grid.lanes() != self.lanes() {
+            let message = format!("a grid of {} lanes for {} lanes", grid.lanes(), self.lanes());
+            return Err(Error::Batch(message));
+        }
+        self.grid = Some(grid);
+        Ok(())
+    }
+
+    /// Where in a picture the lanes lie, if they are those of a picture.
+    #[must_use]
+    pub fn grid(&self) -> Option<&Grid> {
+        self.grid.as_ref()
+    }
+
+    /// Adds or replaces a side channel: one value per lane, or per pixel of the grid, as
+    /// its [extent](Side::extent) says.
+    ///
+    /// # Errors
+    /// [`Error::Batch`] if the number of values differs, or if there is no grid of pixels.
+    pub fn set_side(&mut self, side: Side, values: Vec<f32>) -> Result<(), Error> {
+        let wanted = match side.extent() {
+            Extent::Lane => Some(self.lanes()),
+            Extent::Pixel => self.grid.map(|grid| grid.pixels()),
+        };
+        if wanted != Some(values.len()) {
+            return Err(Error::Batch(format!(
+                "side channel '{side}' has {} values for {} lanes{}",
+                values.len(),
+                self.lanes(),
+                wanted.map_or(" without a grid".into(), |count| format!(", not {count}"))
+            )));
+        }
+        self.sides.insert(side, values);
+        Ok(())
+    }
+
+    /// A side channel, `[lane]` or `[pixel]` as its [extent](Side::extent) says.
+    #[must_use]
+    pub fn side(&self, side: &Side) -> Option<&[f32]> {
+        self.sides.get(side).map(Vec::as_slice)
+    }
+
+    /// All side channels, in the order of [`Side`].
+    pub fn sides(&self) -> impl Iterator<Item = (&Side, &[f32])> {
+        self.sides.iter().map(|(side, values)| (side, values.as_slice()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::array;
+
+    use super::*;
+
+    #[test]
+    fn running_means_of_samples() -> Result<(), Error> {
+        let batch = SequenceBatch::from_samples(2, &[1.0, 4.0, 3.0, 0.0, 2.0, 2.0])?;
+        assert_eq!(batch.terms(), array![[1.0, 4.0], [2.0, 2.0], [2.0, 2.0]]);
+        assert_eq!(batch.sample_counts(), [1, 2, 3]);
+        assert_eq!(batch.last(), [2.0, 2.0]);
+        assert_eq!(batch.window(2).map(|w| w.nrows()), Some(2));
+        assert!(batch.window(4).is_none());
+        Ok(())
+    }
+
+    #[test]
+    fn a_transposed_array_keeps_its_meaning() -> Result<(), Error> {
+        let lanes_by_terms = array![[1.0, 2.0, 3.0], [10.0, 20.0, 30.0]];
+        let batch = SequenceBatch::new(lanes_by_terms.reversed_axes(), vec![1, 2, 4])?;
+        assert_eq!(batch.last(), [3.0, 30.0]);
+        Ok(())
+    }
+
+    #[test]
+    fn inconsistent_sequences_are_refused() {
+        let terms = || array![[1.0], [2.0]];
+        for counts in [vec![1], vec![0, 1], vec![2, 2], vec![3, 1]] {
+            assert!(SequenceBatch::new(terms(), counts.clone()).is_err(), "{counts:?}");
+        }
+        assert!(SequenceBatch::new(Array2::zeros((0, 3)), vec![]).is_err());
+        assert!(SequenceBatch::new(Array2::zeros((1, 0)), vec![1]).is_err());
+        assert!(SequenceBatch::from_samples(2, &[1.0, 2.0, 3.0]).is_err());
+        let mut batch = SequenceBatch::new(terms(), vec![1, 2]).expect("two terms, one lane");
+        assert!(batch.set_side(Side::Fold(0), vec![1.0, 2.0]).is_err());
+    }
+
+    #[test]
+    fn pixels_have_one_value_whatever_their_lanes() -> Result<(), Error> {
+        let mut batch = SequenceBatch::new(Array2::zeros((1, 12)), vec![1])?;
+        assert!(batch.set_side(Side::Skipped, vec![0.0; 4]).is_err(), "no grid, no pixels");
+        assert!(batch.set_grid(Grid::new(2, 3, 3, 0)?).is_err());
+        batch.set_grid(Grid::new(2, 2, 3, 0)?)?;
+        assert!(batch.set_side(Side::Skipped, vec![0.0; 12]).is_err());
+        batch.set_side(Side::Skipped, vec![0.0, 1.0, 2.0, 3.0])?;
+        assert_eq!(batch.side(&Side::Skipped).map(<[f32]>::len), Some(4));
+        Ok(())
+    }
+}

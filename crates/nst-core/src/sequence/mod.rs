@@ -1,0 +1,19 @@
+//! Sequences of progressive estimates, side by side: the vocabulary of everything else.
+
+mod batch;
+mod grid;
+mod keep;
+mod side;
+mod strips;
+mod sums;
+
+pub use batch::SequenceBatch;
+pub use grid::Grid;
+pub use keep::Keep;
+pub use side::{Extent, Merging, Side};
+pub(crate) use strips::sum_in_order;
+pub use strips::{LANES_PER_BLOCK, Strips, Whole};
+pub use sums::{FOLDS, LaneSums, fold_count};
+
+#[cfg(test)]
+pub(crate) use strips::tests;

@@ -1,0 +1,104 @@
+//! [`Side`]: the numbers that a sequence has beside its terms.
+
+use std::{convert::Infallible, fmt, str::FromStr};
+
+use super::FOLDS;
+
+/// A side channel: one further number of each lane or pixel. All that is known of
+/// one kind is said here.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Side {
+    /// The mean of a fold, with its number below [`FOLDS`]: `fold0` … `fold3`.
+    Fold(u8),
+    /// The estimated variance of S_N: `Variance`.
+    Variance,
+    /// How many samples of a pixel were left out because they were not finite: `Skipped`.
+    Skipped,
+    /// Anything else that a file has, by its name.
+    Other(String),
+}
+
+/// What a side channel has one number for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extent {
+    /// Each lane.
+    Lane,
+    /// Each pixel, whatever the number of its lanes; needs a [`Grid`](super::Grid).
+    Pixel,
+}
+
+/// How the side channels of independent sequences become that of their mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Merging {
+    /// Their mean, weighted as the sequences are: Σ w x.
+    Mean,
+    /// The variance of a weighted mean: Σ w² x.
+    VarianceOfMean,
+    /// Their sum.
+    Sum,
+    /// It is not known how.
+    Refuse,
+}
+
+impl Side {
+    /// The four folds, which methods ask for together.
+    pub const ALL_FOLDS: &'static [Self; FOLDS] =
+        &[Self::Fold(0), Self::Fold(1), Self::Fold(2), Self::Fold(3)];
+
+    /// What it has one number for.
+    #[must_use]
+    pub fn extent(&self) -> Extent {
+        match self {
+            Self::Fold(_) | Self::Variance | Self::Other(_) => Extent::Lane,
+            Self::Skipped => Extent::Pixel,
+        }
+    }
+
+    /// How those of independent sequences merge.
+    #[must_use]
+    pub fn merging(&self) -> Merging {
+        match self {
+            Self::Fold(_) => Merging::Mean,
+            Self::Variance => Merging::VarianceOfMean,
+            Self::Skipped => Merging::Sum,
+            Self::Other(_) => Merging::Refuse,
+        }
+    }
+}
+
+impl fmt::Display for Side {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Fold(fold) => write!(f, "fold{fold}"),
+            Self::Variance => f.write_str("Variance"),
+            Self::Skipped => f.write_str("Skipped"),
+            Self::Other(name) => f.write_str(name),
+        }
+    }
+}
+
+impl FromStr for Side {
+    type Err = Infallible;
+
+    /// The side channel of a name; a name that is not known is [`Side::Other`].
+    fn from_str(name: &str) -> Result<Self, Infallible> {
+        let known = Self::ALL_FOLDS.iter().chain([&Self::Variance, &Self::Skipped]);
+        let mut known = known.filter(|side| side.to_string() == name);
+        Ok(known.next().cloned().unwrap_or_else(|| Self::Other(name.to_owned())))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_read_as_they_are_written() {
+        let other = Side::Other("fold4".into());
+        for side in Side::ALL_FOLDS.iter().chain([&Side::Variance, &Side::Skipped, &other]) {
+            assert_eq!(side.to_string().parse().as_ref(), Ok(side));
+        }
+        assert_eq!("fold2".parse(), Ok(Side::Fold(2)));
+        assert_eq!("fold02".parse(), Ok(Side::Other("fold02".into())));
+    }
+}

@@ -1,0 +1,89 @@
+//! The sums of a lane's samples, from which its sequence can be continued.
+
+/// How many folds the samples of a lane are split into: sample i belongs to fold i mod 4.
+pub const FOLDS: usize = 4;
+
+/// What is kept of all samples y of a lane.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LaneSums {
+    /// Σy of each fold. Σy of all samples is their sum, added in this order.
+    pub folds: [f64; FOLDS],
+    /// Σy² of all samples.
+    pub squares: f64,
+}
+
+#[allow(unsafe_code)]
+// SAFETY: all fields are f64, for which zero bytes are 0.
+unsafe impl bytemuck::Zeroable for LaneSums {}
+
+impl LaneSums {
+    /// Adds the sample with an index. One that is not finite would leave nothing of the
+    /// others: the caller leaves it out.
+    #[inline]
+    pub fn add(&mut self, index: u32, sample: f64) {
+        self.folds[index as usize % FOLDS] += sample;
+        self.squares += sample * sample;
+    }
+
+    /// Σy of all samples.
+    #[inline]
+    #[must_use]
+    pub fn total(&self) -> f64 {
+        let [a, b, c, d] = self.folds;
+        a + b + c + d
+    }
+
+    /// The variance of S_n, for n ≥ 2; infinite where a sum is not finite, as nothing is
+    /// known of such a lane.
+    #[must_use]
+    pub fn variance(&self, n: u32) -> f32 {
+        // (Σy² − (Σy)²/n) / (n (n − 1)); rounding may take it below zero.
+        let (n, sum) = (f64::from(n), self.total());
+        let deviations = self.squares - sum * sum / n;
+        if deviations.is_finite() {
+            (deviations.max(0.0) / (n * (n - 1.0))) as f32
+        } else {
+            f32::INFINITY
+        }
+    }
+}
+
+/// How many of a lane's n samples are in a fold.
+#[must_use]
+pub fn fold_count(fold: usize, n: u32) -> f64 {
+    (n as usize).saturating_sub(fold).div_ceil(FOLDS) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folds_share_all_samples() {
+        for n in 0..20 {
+            let counts: Vec<f64> = (0..FOLDS).map(|fold| fold_count(fold, n)).collect();
+            assert_eq!(counts.iter().sum::<f64>(), f64::from(n));
+            assert!(
+                counts.windows(2).all(|pair| pair[0] >= pair[1]) && counts[0] - counts[3] <= 1.0
+            );
+        }
+    }
+
+    #[test]
+    fn the_variance_of_known_samples() {
+        // 1, 2, 3, 4, 5: the variance of the samples is 2.5, of their mean 0.5.
+        let mut sums = LaneSums::default();
+        (0..5).for_each(|i| sums.add(i, f64::from(i + 1)));
+        assert_eq!(sums, LaneSums { folds: [6.0, 2.0, 3.0, 4.0], squares: 55.0 });
+        assert_eq!((sums.total(), sums.variance(5)), (15.0, 0.5));
+    }
+
+    #[test]
+    fn nothing_is_certain_of_sums_that_are_not_finite() {
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let mut sums = LaneSums::default();
+            [1.0, bad, 2.0].into_iter().zip(0..).for_each(|(y, i)| sums.add(i, y));
+            assert_eq!(sums.variance(3), f32::INFINITY);
+        }
+    }
+}

@@ -1,0 +1,75 @@
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+/// What can go wrong with files; every message names the file it is about.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file could not be opened, read or written.
+    #[error("cannot {action} '{}': {source}", path.display())]
+    Io {
+        /// `read` or `write`.
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A file is malformed, or is not what it is used as.
+    #[error("'{}': {message}", path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and what to do about it.
+        message: String,
+    },
+    /// An output would replace what must not be lost, or another output.
+    #[error("'{}' is not written: {message}", path.display())]
+    Output {
+        /// The output.
+        path: PathBuf,
+        /// What it would replace, and what to do about it.
+        message: String,
+    },
+    /// What is to be written or put together does not fit together.
+    #[error("{0}")]
+    Mismatch(String),
+    /// Sequences that do not fit together.
+    #[error(transparent)]
+    Core(#[from] nst_core::Error),
+}
+
+impl Error {
+    pub(crate) fn io(action: &'static str, path: &Path, source: std::io::Error) -> Self {
+        Self::Io { action, path: path.to_owned(), source }
+    }
+
+    pub(crate) fn malformed(path: &Path, message: impl Into<String>) -> Self {
+        Self::Malformed { path: path.to_owned(), message: message.into() }
+    }
+
+    pub(crate) fn output(path: &Path, message: impl Into<String>) -> Self {
+        Self::Output { path: path.to_owned(), message: message.into() }
+    }
+
+    /// Of the exr crate, while it works on a file.
+    pub(crate) fn exr(action: &'static str, path: &Path, error: exr::error::Error) -> Self {
+        match error {
+            exr::error::Error::Io(error) => Self::io(action, path, error),
+            error if action == "read" => {
+                Self::malformed(path, format!("not a readable EXR file: {error}"))
+            }
+            error => Self::malformed(path, error.to_string()),
+        }
+    }
+}
+
+impl From<Error> for nst_core::Error {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::Core(error) => error,
+            error => Self::Input(Box::new(error)),
+        }
+    }
+}

@@ -1,0 +1,321 @@
+//! What an EXR file of any program contains, by its headers alone.
+
+use std::{
+    collections::BTreeMap,
+    fs::File,
+    io::{BufReader, Read},
+    path::Path,
+};
+
+use exr::{
+    block::{self, reader::Reader},
+    meta::{BlockDescription, attribute::AttributeValue, header::Header as RawHeader},
+    prelude::{Compression, SampleType},
+};
+
+use crate::{Error, limits::MOST_DEFLATED};
+
+/// The first bytes of every EXR file.
+const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+
+/// The most samples that a byte of a file may decode to; a header that promises more
+/// is malformed. DWA stores a block of 8 by 8 equal samples in two bytes, which it
+/// deflates then.
+fn most_samples_per_byte(compression: Compression) -> u64 {
+    match compression {
+        Compression::DWAA(_) | Compression::DWAB(_) => MOST_DEFLATED * 64 / 2,
+        _ => MOST_DEFLATED,
+    }
+}
+
+/// The headers of an EXR file; at least one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExrHeader {
+    /// Its parts, in the file's order.
+    pub parts: Vec<Part>,
+}
+
+/// One part of an EXR file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Part {
+    /// Its name; files of one part need none.
+    pub name: Option<String>,
+    /// Width and height of the data window, in pixels.
+    pub size: [u32; 2],
+    /// The left upper corner of the data window.
+    pub position: [i32; 2],
+    /// How its pixels are compressed, and whether in scan lines or tiles.
+    pub storage: String,
+    /// Whether pixels have varying numbers of samples.
+    pub deep: bool,
+    /// The channels, sorted by name.
+    pub channels: Vec<Channel>,
+    /// The attributes that are text or a number.
+    pub attributes: BTreeMap<String, String>,
+}
+
+/// One channel of a part.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Channel {
+    /// `LAYER.NAME`, or `NAME`.
+    pub name: String,
+    /// `f16`, `f32` or `u32`.
+    pub kind: &'static str,
+    /// Whether it has a sample for each pixel, rather than for each few.
+    pub full_resolution: bool,
+}
+
+/// Channels that make up a picture.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Layer {
+    /// What users call it; empty for the R, G, B or Y of a file of one part.
+    pub name: String,
+    /// Index into [`ExrHeader::parts`].
+    pub part: usize,
+    /// Indices into [`Part::channels`]: R, G and B, or a single one.
+    pub channels: Vec<usize>,
+}
+
+/// Whether a file starts as EXR files do.
+///
+/// # Errors
+/// [`Error::Io`] if it cannot be read.
+pub fn is_exr(path: &Path) -> Result<bool, Error> {
+    let failed = |error| Error::io("read", path, error);
+    let mut start = Vec::new();
+    File::open(path).map_err(failed)?.take(4).read_to_end(&mut start).map_err(failed)?;
+    Ok(start == MAGIC)
+}
+
+impl ExrHeader {
+    /// Reads the headers of a file.
+    ///
+    /// # Errors
+    /// [`Error::Io`] or [`Error::Malformed`] names the file and what is wrong with it.
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        let length = std::fs::metadata(path).map_err(|error| Error::io("read", path, error))?.len();
+        let reader = open(path)?;
+        let parts: Vec<_> = reader.headers().iter().map(part).collect();
+        for (part, header) in parts.iter().zip(reader.headers()) {
+            let [width, height] = part.size.map(u64::from);
+            let samples = width.saturating_mul(height).saturating_mul(part.channels.len() as u64);
+            if samples > length.saturating_mul(most_samples_per_byte(header.compression)) {
+                let message = format!(
+                    "damaged: a file of {length} bytes cannot hold {width} by {height} pixels"
+                );
+                return Err(Error::malformed(path, message));
+            }
+        }
+        Ok(Self { parts })
+    }
+
+    /// All layers that are pictures: R, G and B, or Y, or a channel that has a
+    /// layer for itself.
+    #[must_use]
+    pub fn layers(&self) -> Vec<Layer> {
+        let mut layers = Vec::new();
+        for (index, part) in self.parts.iter().enumerate() {
+            for (prefix, group) in part.groups() {
+                let Some((single, channels)) = picture(&group) else { continue };
+                let prefix = if prefix.is_empty() { single } else { prefix };
+                layers.push(Layer { name: self.full_name(part, prefix), part: index, channels });
+            }
+        }
+        layers
+    }
+
+    /// Finds the layer of a name, or the only one, or the main one.
+    ///
+    /// # Errors
+    /// What is wrong, and which layers there are.
+    pub fn choose(&self, name: Option<&str>) -> Result<Layer, String> {
+        let mut layers = self.layers();
+        let names: Vec<_> = layers
+            .iter()
+            .map(|layer| if layer.name.is_empty() { "the main picture" } else { &layer.name })
+            .collect();
+        let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+        let Some(name) = name else {
+            if let Some(main) = layers.iter().position(|layer| layer.name.is_empty()) {
+                return Ok(layers.swap_remove(main));
+            }
+            return match layers.len() {
+                1 => Ok(layers.swap_remove(0)),
+                0 => Err(format!(
+                    "no channels R, G, B or Y; name one of its channels: {}",
+                    self.channel_names().join(", ")
+                )),
+                _ => Err(format!("it has several layers, name one of them: {names}")),
+            };
+        };
+        if let Some(found) = layers.iter().position(|layer| layer.name == name) {
+            return Ok(layers.swap_remove(found));
+        }
+        // Any channel by its whole name.
+        for (part, channel) in self.all_channels() {
+            if self.full_name(&self.parts[part], &self.parts[part].channels[channel].name) == name {
+                return Ok(Layer { name: name.to_owned(), part, channels: vec![channel] });
+            }
+        }
+        Err(format!(
+            "no layer '{name}'; its layers are {names}; its channels are {}",
+            self.channel_names().join(", ")
+        ))
+    }
+
+    fn all_channels(&self) -> impl Iterator<Item = (usize, usize)> {
+        let channels = |(index, part): (usize, &Part)| {
+            (0..part.channels.len()).map(move |channel| (index, channel))
+        };
+        self.parts.iter().enumerate().flat_map(channels)
+    }
+
+    fn channel_names(&self) -> Vec<String> {
+        self.all_channels()
+            .map(|(part, channel)| {
+                let part = &self.parts[part];
+                self.full_name(part, &part.channels[channel].name)
+            })
+            .collect()
+    }
+
+    /// Puts the part's name before a layer's or a channel's, where several parts need it.
+    fn full_name(&self, part: &Part, name: &str) -> String {
+        match &part.name {
+            Some(part) if self.parts.len() > 1 => match name.strip_prefix(part.as_str()) {
+                // Some programs repeat the part's name in its channels.
+                Some("") => part.clone(),
+                Some(rest) if rest.starts_with('.') => name.to_owned(),
+                _ if name.is_empty() => part.clone(),
+                _ => format!("{part}.{name}"),
+            },
+            _ => name.to_owned(),
+        }
+    }
+}
+
+impl Part {
+    /// The channels by what stands before the last dot of their names.
+    fn groups(&self) -> BTreeMap<&str, Vec<(&str, usize)>> {
+        let mut groups = BTreeMap::<_, Vec<_>>::new();
+        for (index, channel) in self.channels.iter().enumerate() {
+            let (prefix, name) = channel.name.rsplit_once('.').unwrap_or(("", &channel.name));
+            groups.entry(prefix).or_default().push((name, index));
+        }
+        groups
+    }
+}
+
+/// The channels of a group that make a picture. A single channel that is no Y
+/// comes with its name.
+fn picture<'a>(group: &[(&'a str, usize)]) -> Option<(&'a str, Vec<usize>)> {
+    let find = |wanted: &str| {
+        group.iter().find(|(name, _)| name.eq_ignore_ascii_case(wanted)).map(|&(_, index)| index)
+    };
+    if let (Some(r), Some(g), Some(b)) = (find("R"), find("G"), find("B")) {
+        return Some(("", vec![r, g, b]));
+    }
+    // Beside X or Z it is a coordinate, beside RY and BY the luminance of a colour.
+    let other = ["X", "Z", "RY", "BY"].into_iter().any(|name| find(name).is_some());
+    match (find("Y"), group) {
+        (Some(y), _) if !other => Some(("", vec![y])),
+        (None, &[(name, index)]) => Some((name, vec![index])),
+        _ => None,
+    }
+}
+
+/// Reads the headers, ready to go on with the pixels.
+pub(crate) fn open(path: &Path) -> Result<Reader<BufReader<File>>, Error> {
+    let file = File::open(path).map_err(|error| Error::io("read", path, error))?;
+    block::read(BufReader::new(file), false).map_err(|error| Error::exr("read", path, error))
+}
+
+fn part(header: &RawHeader) -> Part {
+    let window = header.data_window();
+    let tiled = matches!(header.blocks, BlockDescription::Tiles(_));
+    let channels = header.channels.list.iter().map(|channel| Channel {
+        name: channel.name.to_string(),
+        kind: match channel.sample_type {
+            SampleType::F16 => "f16",
+            SampleType::F32 => "f32",
+            SampleType::U32 => "u32",
+        },
+        full_resolution: channel.sampling.x() == 1 && channel.sampling.y() == 1,
+    });
+    let attributes = header.all_named_attributes().filter_map(|(name, value)| {
+        let value = match value {
+            AttributeValue::Text(text) => text.to_string(),
+            AttributeValue::I32(number) => number.to_string(),
+            AttributeValue::F32(number) => number.to_string(),
+            AttributeValue::F64(number) => number.to_string(),
+            _ => return None,
+        };
+        Some((exr::meta::attribute::Text::from_slice_unchecked(name).to_string(), value))
+    });
+    Part {
+        name: header.own_attributes.layer_name.as_ref().map(ToString::to_string),
+        // The library admits no window beyond 2³⁰.
+        size: [window.size.x() as u32, window.size.y() as u32],
+        position: [window.position.x(), window.position.y()],
+        storage: format!("{}, {}", header.compression, if tiled { "tiles" } else { "scan lines" }),
+        deep: header.deep,
+        channels: channels.collect(),
+        attributes: attributes.collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header(parts: &[(Option<&str>, &[&str])]) -> ExrHeader {
+        let channel =
+            |name: &&str| Channel { name: (*name).to_owned(), kind: "f32", full_resolution: true };
+        let part = |&(name, channels): &(Option<&str>, &[&str])| Part {
+            name: name.map(str::to_owned),
+            size: [1, 1],
+            position: [0, 0],
+            storage: String::new(),
+            deep: false,
+            channels: channels.iter().map(channel).collect(),
+            attributes: BTreeMap::new(),
+        };
+        ExrHeader { parts: parts.iter().map(part).collect() }
+    }
+
+    fn names(header: &ExrHeader) -> Vec<String> {
+        header.layers().into_iter().map(|layer| layer.name).collect()
+    }
+
+    #[test]
+    fn layers_of_one_part() {
+        let file = header(&[(None, &["B", "G", "R", "S.B", "S.G", "S.R", "Z"])]);
+        assert_eq!(names(&file), ["", "S"]);
+        assert_eq!(file.choose(None).expect("main").channels, [2, 1, 0]);
+        assert_eq!(file.choose(Some("S")).expect("S").channels, [5, 4, 3]);
+        assert_eq!(file.choose(Some("Z")).expect("Z").channels, [6]);
+        assert_eq!(file.choose(Some("S.G")).expect("S.G").channels, [4]);
+        assert!(file.choose(Some("T")).is_err_and(|e| e.contains("'T'") && e.contains("S.R")));
+    }
+
+    #[test]
+    fn a_channel_alone_is_a_picture_and_coordinates_are_none() {
+        assert_eq!(names(&header(&[(None, &["Y"])])), [""]);
+        assert_eq!(names(&header(&[(None, &["A", "Y"])])), [""]);
+        assert_eq!(names(&header(&[(None, &["depth"])])), ["depth"]);
+        assert_eq!(header(&[(None, &["depth"])]).choose(None).expect("depth").channels, [0]);
+        assert_eq!(names(&header(&[(None, &["depth.T", "n.X", "n.Y", "n.Z"])])), ["depth"]);
+        let luminance = header(&[(None, &["BY", "RY", "Y"])]);
+        assert!(luminance.choose(None).is_err_and(|e| e.contains("BY, RY, Y")));
+    }
+
+    #[test]
+    fn layers_of_several_parts() {
+        let rgb: &[&str] = &["B", "G", "R"];
+        let file = header(&[(Some("beauty"), rgb), (Some("aov"), &["aov.V", "mist.V"])]);
+        assert_eq!(names(&file), ["beauty", "aov", "aov.mist"]);
+        assert!(file.choose(None).is_err_and(|e| e.contains("beauty, aov, aov.mist")));
+        assert_eq!(file.choose(Some("aov.mist")).expect("mist").part, 1);
+        assert_eq!(file.choose(Some("beauty.G")).expect("G").channels, [1]);
+    }
+}

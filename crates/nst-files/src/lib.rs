@@ -1,0 +1,28 @@
+//! What stands on disk: sequences of progressive estimates and pictures of any program.
+//!
+//! [`sequence_file`] reads and writes sequences as EXR files, some rows at a time;
+//! [`pack`] makes them of other renderers' pictures, [`merge`] of other sequences, and
+//! [`dataset`] stores many runs for training. [`picture`] and [`header`] read EXR files of
+//! any program; [`picture_writer`], [`png`] and [`false_color`] write pictures.
+//! [`output`] sees to it that files appear whole, and replace nothing that matters.
+//!
+//! The lanes of a picture are planar: lane = channel · width · height + y · width + x, with
+//! y counted from the top.
+
+pub mod dataset;
+mod error;
+pub mod false_color;
+pub mod header;
+mod layers;
+mod limits;
+pub mod merge;
+pub mod output;
+pub mod pack;
+pub mod picture;
+pub mod picture_writer;
+pub mod png;
+mod rows;
+pub mod sequence_file;
+
+pub use error::Error;
+pub use layers::ColorModel;

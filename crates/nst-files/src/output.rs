@@ -1,0 +1,240 @@
+//! Files that appear whole or not at all, and that replace nothing that matters.
+
+use std::{
+    ffi::OsStr,
+    fs::File,
+    path::{Path, PathBuf},
+};
+
+use tempfile::NamedTempFile;
+
+use crate::Error;
+
+mod kind;
+
+pub use kind::Kind;
+
+/// What files of this crate say about the program that wrote them.
+pub(crate) const SOFTWARE: &str = concat!("nst ", env!("CARGO_PKG_VERSION"));
+
+/// A file that is written under a temporary name beside its own and renamed by
+/// [`commit`]; dropped before that, it leaves no trace. A process that is
+/// killed leaves the temporary file, `.nst-….tmp`, and whatever the name stood for.
+/// Opening it before a long computation shows early whether the place can be written to.
+#[derive(Debug)]
+pub struct OutputFile {
+    file: NamedTempFile,
+    path: PathBuf,
+    /// Where the file will be: `path`, or what it links to.
+    target: PathBuf,
+}
+
+impl OutputFile {
+    /// Prepares to write `path`, whatever stands there; [`Outputs`] looks before.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if `path` is a folder or a device, or if its folder cannot be
+    /// written to.
+    pub fn create(path: &Path) -> Result<Self, Error> {
+        let failed = |error| Error::io("write", path, error);
+        let target = target(path).map_err(failed)?;
+        if target.is_dir() {
+            return Err(failed(std::io::ErrorKind::IsADirectory.into()));
+        }
+        if target.exists() && !target.is_file() {
+            // To rename a file over a device would take its place.
+            return Err(Error::output(path, "it is no ordinary file"));
+        }
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".nst-").suffix(".tmp");
+        // A temporary file is private by default; an output follows the umask.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let file = builder.tempfile_in(folder_of(&target)).map_err(failed)?;
+        Ok(Self { file, path: path.to_owned(), target })
+    }
+
+    /// Where the file will appear, as it was asked for.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The file under its temporary name, open for writing.
+    pub fn file(&mut self) -> &mut File {
+        self.file.as_file_mut()
+    }
+
+    /// Puts the finished file in its place, over what was there.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it cannot be stored or renamed.
+    pub fn commit(self) -> Result<(), Error> {
+        commit([self])
+    }
+}
+
+/// Puts finished files in their places, over what was there: all are stored before the
+/// first gets its name, so that a full disk leaves every old file.
+///
+/// # Errors
+/// [`Error::Io`] if one cannot be stored or renamed.
+pub fn commit(outputs: impl IntoIterator<Item = OutputFile>) -> Result<(), Error> {
+    let outputs: Vec<OutputFile> = outputs.into_iter().collect();
+    for output in &outputs {
+        // A disk may report late that it is full, and after a power failure the name must
+        // not stand for a file without content.
+        let stored = output.file.as_file().sync_all();
+        stored.map_err(|error| Error::io("write", &output.path, error))?;
+    }
+    for OutputFile { file, path, target } in outputs {
+        file.persist(&target).map_err(|error| Error::io("write", &path, error.error))?;
+    }
+    Ok(())
+}
+
+/// Who chose the name of an output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Name {
+    /// The user: what stands there may be replaced.
+    Given,
+    /// The program: what stands there may be replaced if `nst` wrote it.
+    Default,
+}
+
+/// The outputs of a job, none of which may replace what the job reads, another output, or
+/// a file of another kind.
+#[derive(Debug, Default)]
+pub struct Outputs {
+    /// Where inputs and outputs so far are, and what they are called in messages.
+    taken: Vec<(PathBuf, PathBuf, &'static str)>,
+}
+
+impl Outputs {
+    /// The outputs of a job that reads these files.
+    pub fn of_inputs<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>) -> Self {
+        let place = |path: P| {
+            let path = path.as_ref();
+            // What cannot be found cannot be replaced.
+            Some((path.canonicalize().ok()?, path.to_owned(), "an input"))
+        };
+        Self { taken: inputs.into_iter().filter_map(place).collect() }
+    }
+
+    /// One more file that the job reads.
+    pub fn protect(&mut self, path: &Path) {
+        self.taken.extend(Self::of_inputs([path]).taken);
+    }
+
+    /// Prepares to write a file.
+    ///
+    /// # Errors
+    /// [`Error::Output`] if `path` is an input or another output, if a file of another
+    /// kind stands there, or if the name was not given and somebody else's file stands
+    /// there; [`Error::Io`] as for [`OutputFile::create`].
+    pub fn open(&mut self, path: &Path, kind: Kind, name: Name) -> Result<OutputFile, Error> {
+        let output = OutputFile::create(path)?;
+        let place = output.target.canonicalize().unwrap_or_else(|_| {
+            let folder = folder_of(&output.target).canonicalize();
+            let file = output.target.file_name().unwrap_or(OsStr::new(""));
+            folder.map_or_else(|_| output.target.clone(), |folder| folder.join(file))
+        });
+        if let Some((_, other, what)) = self.taken.iter().find(|(taken, ..)| *taken == place) {
+            let message = match other == path {
+                true => format!("it is {what} too; give another name"),
+                false => format!("it is {what} too, as '{}'; give another name", other.display()),
+            };
+            return Err(Error::output(path, message));
+        }
+        kind.check(path, name)?;
+        self.taken.push((place, path.to_owned(), "an output"));
+        Ok(output)
+    }
+}
+
+/// What a path stands for: the file that a link leads to, whether it is there or not.
+fn target(path: &Path) -> std::io::Result<PathBuf> {
+    if path.is_symlink() {
+        let link = std::fs::read_link(path)?;
+        // A link to a file that is there may lead on.
+        return path.canonicalize().or_else(|_| Ok(folder_of(path).join(link)));
+    }
+    Ok(path.to_owned())
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+
+    type Checked = Result<(), Box<dyn std::error::Error>>;
+
+    #[test]
+    fn an_abandoned_file_leaves_no_trace() -> Checked {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join("x.exr");
+        std::fs::write(&path, "old")?;
+        drop(OutputFile::create(&path)?);
+        assert_eq!(std::fs::read_to_string(&path)?, "old");
+        assert_eq!(std::fs::read_dir(folder.path())?.count(), 1);
+        OutputFile::create(&path)?.commit()?;
+        assert_eq!(std::fs::read_to_string(&path)?, "");
+        assert!(OutputFile::create(folder.path()).is_err());
+        Ok(())
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_followed_and_devices_are_left_alone() -> Checked {
+        let folder = tempfile::tempdir()?;
+        let [link, file, lost] = ["link", "file", "lost"].map(|name| folder.path().join(name));
+        std::fs::write(&file, "old")?;
+        std::os::unix::fs::symlink(&file, &link)?;
+        OutputFile::create(&link)?.commit()?;
+        assert!(link.is_symlink() && std::fs::read(&file)?.is_empty());
+        std::os::unix::fs::symlink("new", &lost)?;
+        OutputFile::create(&lost)?.commit()?;
+        assert!(lost.is_symlink() && folder.path().join("new").is_file());
+        assert!(OutputFile::create(Path::new("/dev/null")).is_err());
+        Ok(())
+    }
+
+    #[test]
+    fn inputs_and_other_outputs_are_not_replaced() -> Checked {
+        let folder = tempfile::tempdir()?;
+        let [input, output] = ["a.csv", "b.csv"].map(|name| folder.path().join(name));
+        std::fs::write(&input, "a,b\n")?;
+        let mut outputs = Outputs::of_inputs([&input, &folder.path().join("missing")]);
+        let again = folder.path().join(".").join("a.csv");
+        for path in [&input, &again] {
+            let error = outputs.open(path, Kind::Csv, Name::Given).expect_err("an input");
+            assert!(error.to_string().contains("an input"), "{error}");
+        }
+        let first = outputs.open(&output, Kind::Csv, Name::Given)?;
+        let again = folder.path().join(".").join("b.csv");
+        let error = outputs.open(&again, Kind::Csv, Name::Given).expect_err("the same file");
+        assert!(error.to_string().contains("an output"), "{error}");
+        first.commit()?;
+        assert!(output.is_file());
+        Ok(())
+    }
+
+    #[test]
+    fn all_files_are_stored_before_the_first_is_named() -> Checked {
+        let folder = tempfile::tempdir()?;
+        let [a, b] = ["a", "b"].map(|name| folder.path().join(name));
+        let mut outputs = [OutputFile::create(&a)?, OutputFile::create(&b)?];
+        outputs[1].file().write_all(b"b")?;
+        commit(outputs)?;
+        assert_eq!((std::fs::read(&a)?, std::fs::read(&b)?), (vec![], b"b".to_vec()));
+        Ok(())
+    }
+}

@@ -1,0 +1,180 @@
+//! What kind of file stands at a path, and whether `nst` wrote it.
+
+use std::{fs::File, io::Read, path::Path};
+
+use super::{Name, SOFTWARE};
+use crate::{
+    Error, dataset,
+    header::{ExrHeader, is_exr},
+    png,
+};
+
+/// A kind of file that is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// An EXR file without a sequence.
+    Picture,
+    /// An EXR file with a sequence.
+    Sequence,
+    /// A PNG file.
+    Png,
+    /// A safetensors file with runs for training.
+    Dataset,
+    /// A table as text.
+    Csv,
+    /// A document as text.
+    Markdown,
+}
+
+/// What was found at a path.
+struct Found {
+    /// `None`: of no kind that is written.
+    kind: Option<Kind>,
+    /// Whether `nst` says in it that it wrote it.
+    ours: bool,
+}
+
+impl Kind {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Picture => "an EXR picture",
+            Self::Sequence => "a sequence",
+            Self::Png => "a PNG picture",
+            Self::Dataset => "a dataset",
+            Self::Csv => "a CSV table",
+            Self::Markdown => "a Markdown document",
+        }
+    }
+
+    /// Fails if a file stands at `path` that one of this kind must not replace.
+    pub(super) fn check(self, path: &Path, name: Name) -> Result<(), Error> {
+        match std::fs::metadata(path) {
+            // Nothing is lost with an empty file.
+            Ok(file) if file.len() > 0 => {}
+            Ok(_) => return Ok(()),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+            Err(error) => return Err(Error::io("read", path, error)),
+        }
+        let found = Found::at(path)?;
+        if found.kind != Some(self) {
+            let there = found.kind.map_or("another kind of file", Self::name);
+            let message =
+                format!("{there} stands there, and this is {}; give another name", self.name());
+            return Err(Error::output(path, message));
+        }
+        if name == Name::Default && !found.ours {
+            let message = "a file stands there that nst did not write; to replace it, name it \
+                           with --output";
+            return Err(Error::output(path, message));
+        }
+        Ok(())
+    }
+}
+
+impl Found {
+    fn at(path: &Path) -> Result<Self, Error> {
+        let failed = |error| Error::io("read", path, error);
+        // Enough for the first line of a table.
+        let mut start = Vec::new();
+        File::open(path).map_err(failed)?.take(1 << 12).read_to_end(&mut start).map_err(failed)?;
+        if is_exr(path)? {
+            // One that is damaged may have been anything.
+            let Ok(header) = ExrHeader::read(path) else {
+                return Ok(Self { kind: Some(Kind::Picture), ours: false });
+            };
+            let attribute = |name: &str| header.parts[0].attributes.get(name);
+            let sequence = attribute("nst.terms").is_some();
+            let ours = attribute("software").is_some_and(|by| is_ours(by));
+            let kind = if sequence { Kind::Sequence } else { Kind::Picture };
+            return Ok(Self { kind: Some(kind), ours });
+        }
+        if start.starts_with(&png::SIGNATURE) {
+            let ours = png::software(path).is_some_and(|by| is_ours(&by));
+            return Ok(Self { kind: Some(Kind::Png), ours });
+        }
+        if dataset::safetensors_format(path).is_ok_and(|format| format == dataset::FORMAT) {
+            return Ok(Self { kind: Some(Kind::Dataset), ours: true });
+        }
+        // Nothing in a text says who wrote it.
+        let text = String::from_utf8_lossy(&start);
+        let first_line = text.lines().next().unwrap_or_default();
+        let kind = if first_line.starts_with("# ") {
+            Some(Kind::Markdown)
+        } else if first_line.contains(',') && !text.contains(['\0', char::REPLACEMENT_CHARACTER]) {
+            Some(Kind::Csv)
+        } else {
+            None
+        };
+        Ok(Self { kind, ours: false })
+    }
+}
+
+/// Whether a text names this program, in any version.
+fn is_ours(software: &str) -> bool {
+    let name = |text: &str| text.split_whitespace().next().map(str::to_owned);
+    name(software) == name(SOFTWARE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        ColorModel,
+        output::{OutputFile, Outputs},
+        picture_writer::write_exr,
+    };
+
+    fn write(path: &Path, kind: Kind) -> Result<(), Error> {
+        let mut output = OutputFile::create(path)?;
+        match kind {
+            Kind::Picture => write_exr(&mut output, [1, 1], ColorModel::Mono, &[("", &[1.0])])?,
+            Kind::Png => png::write(&mut output, [1, 1], &[0.0; 3])?,
+            _ => unreachable!("not a picture"),
+        }
+        output.commit()
+    }
+
+    #[test]
+    fn other_kinds_are_not_replaced() -> Result<(), Box<dyn std::error::Error>> {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join("x");
+        let open = |kind, name| Outputs::default().open(&path, kind, name).map(drop);
+        for (content, allowed) in [
+            ("", &[Kind::Picture, Kind::Csv, Kind::Dataset][..]),
+            ("method,spp\nS,1\n", &[Kind::Csv]),
+            ("# Stability\n", &[Kind::Markdown]),
+            ("v 1 2 3\n", &[]),
+            ("a,\0b", &[]),
+        ] {
+            std::fs::write(&path, content)?;
+            for kind in [Kind::Picture, Kind::Csv, Kind::Markdown, Kind::Dataset] {
+                let allowed = content.is_empty() || allowed.contains(&kind);
+                assert_eq!(open(kind, Name::Given).is_ok(), allowed, "{kind:?} over {content:?}");
+            }
+        }
+        for written in [Kind::Picture, Kind::Png] {
+            std::fs::remove_file(&path)?;
+            write(&path, written)?;
+            for kind in [Kind::Picture, Kind::Png, Kind::Sequence, Kind::Csv] {
+                assert_eq!(open(kind, Name::Given).is_ok(), kind == written, "{kind:?}");
+                assert_eq!(open(kind, Name::Default).is_ok(), kind == written, "{kind:?}");
+            }
+        }
+        Ok(())
+    }
+
+    /// A texture in the model's folder, say.
+    #[test]
+    fn files_of_others_keep_their_default_names() -> Result<(), Box<dyn std::error::Error>> {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join("model.png");
+        let mut bytes = Vec::new();
+        let mut encoder = ::png::Encoder::new(&mut bytes, 1, 1);
+        encoder.add_text_chunk("Software".into(), "nstar 2".into())?;
+        encoder.write_header()?.write_image_data(&[0])?;
+        std::fs::write(&path, bytes)?;
+        assert!(Outputs::default().open(&path, Kind::Png, Name::Default).is_err());
+        assert!(Outputs::default().open(&path, Kind::Png, Name::Given).is_ok());
+        Ok(())
+    }
+}

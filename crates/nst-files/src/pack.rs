@@ -1,0 +1,460 @@
+//! Other renderers' pictures as sequences: independent renderings, of which the
+//! progressive means are taken, or the snapshots of one progressive rendering.
+//! Pictures are read by strips of rows, each in turn: no more than a strip of
+//! the sequence is in memory, however many files there are.
+
+use std::{
+    hash::{DefaultHasher, Hash, Hasher},
+    ops::Range,
+    path::{Path, PathBuf},
+};
+
+use ndarray::Array2;
+use nst_core::{FOLDS, Grid, SequenceBatch, Side};
+
+use crate::{
+    ColorModel, Error,
+    limits::{BLOCK_ROWS, strip_rows},
+    picture::Picture,
+};
+
+/// What pictures are of a sequence.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Pack {
+    /// Independent renderings with this many samples per pixel each. Term k is the mean
+    /// of the first k; picture i belongs to fold i mod 4.
+    Samples(u32),
+    /// The terms themselves, with these numbers of samples per pixel. There are neither
+    /// folds nor a variance: the samples behind rounded means are lost.
+    Estimates(Vec<u32>),
+}
+
+/// Pictures that agree in size and channels, and become one sequence.
+#[derive(Debug)]
+pub struct Packer {
+    pictures: Vec<Picture>,
+    pack: Pack,
+    sample_counts: Vec<u32>,
+    /// By picture: a hash of its values, whether they are all equal, and how many are not finite.
+    seen: Vec<Seen>,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Seen {
+    hash: DefaultHasher,
+    first: Option<u32>,
+    varies: bool,
+    nonfinite: u64,
+}
+
+/// Opens pictures and checks that they have one size, one position and equally many channels.
+///
+/// # Errors
+/// [`Error::Io`] or [`Error::Malformed`] names the file and what is wrong, or how it differs
+/// from the first.
+pub fn open(paths: &[PathBuf], layer: Option<&str>) -> Result<Vec<Picture>, Error> {
+    let mut pictures: Vec<Picture> = Vec::with_capacity(paths.len());
+    for path in paths {
+        let picture = Picture::open(path, layer)?;
+        if let Some(first) = pictures.first() {
+            let of = |picture: &Picture| {
+                let ([width, height], [x, y]) = (picture.size, picture.position);
+                let names = picture.channel_names.join(", ");
+                format!("{width}x{height} pixels from ({x}, {y}) in {names}")
+            };
+            let same = picture.size == first.size
+                && picture.position == first.position
+                && picture.channel_names.len() == first.channel_names.len();
+            if !same {
+                let message = format!(
+                    "it has {}, but '{}' has {}; all must agree",
+                    of(&picture),
+                    first.path().display(),
+                    of(first)
+                );
+                return Err(Error::malformed(path, message));
+            }
+        }
+        pictures.push(picture);
+    }
+    Ok(pictures)
+}
+
+impl Packer {
+    /// Takes pictures of [`open`], in the order of the sequence.
+    ///
+    /// # Errors
+    /// [`Error::Mismatch`] if there are none, if the sample counts do not increase from
+    /// at least 1, or if they exceed u32.
+    pub fn new(pictures: Vec<Picture>, pack: Pack) -> Result<Self, Error> {
+        let sample_counts = match &pack {
+            Pack::Samples(spp) => {
+                let counts = (1..=pictures.len()).map(|k| u32::try_from(k).ok()?.checked_mul(*spp));
+                counts.collect::<Option<Vec<_>>>().ok_or_else(|| {
+                    let message =
+                        format!("{} pictures of {spp} samples are too many", pictures.len());
+                    Error::Mismatch(message)
+                })?
+            }
+            Pack::Estimates(counts) => counts.clone(),
+        };
+        let increase = sample_counts.first().is_some_and(|&first| first > 0)
+            && sample_counts.windows(2).all(|pair| pair[0] < pair[1]);
+        if !increase || sample_counts.len() != pictures.len() {
+            let message = format!(
+                "{} pictures with the sample counts {sample_counts:?}, which must increase from 1 on",
+                pictures.len()
+            );
+            return Err(Error::Mismatch(message));
+        }
+        let seen = vec![Seen::default(); pictures.len()];
+        Ok(Self { pictures, pack, sample_counts, seen })
+    }
+
+    /// Width and height in pixels.
+    #[must_use]
+    pub fn size(&self) -> [u32; 2] {
+        self.pictures[0].size
+    }
+
+    /// Three channels are taken for R, G, B in linear sRGB.
+    #[must_use]
+    pub fn model(&self) -> ColorModel {
+        match self.pictures[0].channel_names.len() {
+            1 => ColorModel::Mono,
+            _ => ColorModel::Rgb,
+        }
+    }
+
+    /// The number of samples behind each term.
+    #[must_use]
+    pub fn sample_counts(&self) -> &[u32] {
+        &self.sample_counts
+    }
+
+    /// The side channels that strips will have, sorted.
+    #[must_use]
+    pub fn sides(&self) -> Vec<Side> {
+        let count = self.pictures.len();
+        match self.pack {
+            Pack::Estimates(_) => Vec::new(),
+            Pack::Samples(_) => {
+                let folds = Side::ALL_FOLDS.iter().filter(|_| count >= FOLDS).cloned();
+                folds.chain((count >= 2).then_some(Side::Variance)).collect()
+            }
+        }
+    }
+
+    /// The strips of rows to read one after the other.
+    pub fn strips(&self) -> impl Iterator<Item = Range<u32>> + use<> {
+        let [width, height] = self.size();
+        let row = size_of::<f32>() * self.model().channels().len() * width as usize;
+        let rows = strip_rows(row * self.pictures.len()).min(height.next_multiple_of(BLOCK_ROWS));
+        (0..height)
+            .step_by(rows as usize)
+            .map(move |first| first..height.min(first.saturating_add(rows)))
+    }
+
+    /// Makes the sequences of a strip of rows, as planar lanes.
+    ///
+    /// # Errors
+    /// [`Error::Io`] or [`Error::Malformed`] names the file and what is wrong with it.
+    pub fn read(&mut self, rows: Range<u32>) -> Result<SequenceBatch, Error> {
+        let channels = self.model().channels().len() as u32;
+        let grid = Grid::new(self.size()[0], rows.len() as u32, channels, rows.start)?;
+        let lanes = grid.lanes();
+        let mut terms = Vec::with_capacity(self.pictures.len() * lanes);
+        let mut moments = Moments::new(match self.pack {
+            Pack::Samples(_) => lanes,
+            Pack::Estimates(_) => 0,
+        });
+        for (picture, seen) in self.pictures.iter().zip(&mut self.seen) {
+            let values = picture.read_rows(rows.clone())?;
+            seen.take(&values);
+            match self.pack {
+                Pack::Samples(_) => moments.push(&values, &mut terms),
+                Pack::Estimates(_) => terms.extend(values),
+            }
+        }
+        let terms = Array2::from_shape_vec((self.pictures.len(), lanes), terms)
+            .map_err(|error| Error::Mismatch(error.to_string()))?;
+        let mut batch = SequenceBatch::new(terms, self.sample_counts.clone())?;
+        batch.set_grid(grid)?;
+        for side in self.sides() {
+            let values = match side {
+                Side::Fold(fold) => moments.fold(usize::from(fold)),
+                _ => moments.variance(),
+            };
+            batch.set_side(side, values)?;
+        }
+        Ok(batch)
+    }
+
+    /// Checks, when all strips are read, that no two renderings hold the same
+    /// numbers: they would not be independent. Returns the pictures that
+    /// contain values that are not finite, and how many.
+    ///
+    /// # Errors
+    /// [`Error::Malformed`] names two equal files.
+    pub fn finish(self) -> Result<Vec<(PathBuf, u64)>, Error> {
+        if let Pack::Samples(_) = self.pack {
+            let mut hashes = std::collections::BTreeMap::<u64, &Path>::new();
+            for (picture, seen) in self.pictures.iter().zip(&self.seen) {
+                // A black picture may come twice.
+                let earlier = hashes.insert(seen.hash.finish(), picture.path());
+                if let (true, Some(earlier)) = (seen.varies, earlier) {
+                    let message = format!(
+                        "it holds the same pixels as '{}'; independent renderings need different seeds",
+                        earlier.display()
+                    );
+                    return Err(Error::malformed(picture.path(), message));
+                }
+            }
+        }
+        let seen = self.pictures.iter().zip(&self.seen).filter(|(_, seen)| seen.nonfinite > 0);
+        Ok(seen.map(|(picture, seen)| (picture.path().to_owned(), seen.nonfinite)).collect())
+    }
+}
+
+impl Seen {
+    fn take(&mut self, values: &[f32]) {
+        for value in values {
+            value.to_bits().hash(&mut self.hash);
+            self.varies |= *self.first.get_or_insert(value.to_bits()) != value.to_bits();
+            self.nonfinite += u64::from(!value.is_finite());
+        }
+    }
+}
+
+/// Sums over pictures by lane, in f64. Values that are not finite are left out: what
+/// they would have been is not known, and one of them would leave nothing of the others.
+struct Moments {
+    /// How many pictures have been added.
+    pictures: usize,
+    folds: [Fold; FOLDS],
+    /// The sum of squared deviations from the mean so far (Welford 1962).
+    deviations: Vec<f64>,
+}
+
+/// The finite values of a fold, by lane.
+struct Fold {
+    sum: Vec<f64>,
+    count: Vec<u32>,
+}
+
+impl Moments {
+    fn new(lanes: usize) -> Self {
+        let fold = |_| Fold { sum: vec![0.0; lanes], count: vec![0; lanes] };
+        Self { pictures: 0, folds: std::array::from_fn(fold), deviations: vec![0.0; lanes] }
+    }
+
+    /// Adds a picture, and the mean so far to `terms`.
+    fn push(&mut self, values: &[f32], terms: &mut Vec<f32>) {
+        for (lane, &value) in values.iter().enumerate() {
+            let value = f64::from(value);
+            if value.is_finite() {
+                let before = self.mean(lane);
+                let fold = &mut self.folds[self.pictures % FOLDS];
+                fold.sum[lane] += value;
+                fold.count[lane] += 1;
+                if self.count(lane) > 1.0 {
+                    self.deviations[lane] += (value - before) * (value - self.mean(lane));
+                }
+            }
+            terms.push(self.mean(lane) as f32);
+        }
+        self.pictures += 1;
+    }
+
+    /// How many values of a lane are finite.
+    fn count(&self, lane: usize) -> f64 {
+        self.folds.iter().map(|fold| f64::from(fold.count[lane])).sum()
+    }
+
+    /// The mean of the finite values of a lane, NaN if there are none.
+    fn mean(&self, lane: usize) -> f64 {
+        self.folds.iter().map(|fold| fold.sum[lane]).sum::<f64>() / self.count(lane)
+    }
+
+    /// The means of a fold, NaN where it has no finite value.
+    fn fold(&self, fold: usize) -> Vec<f32> {
+        let Fold { sum, count } = &self.folds[fold];
+        sum.iter().zip(count).map(|(sum, count)| (sum / f64::from(*count)) as f32).collect()
+    }
+
+    /// The estimated variance of the mean of all: Σ (x − x̄)² / (R (R − 1)); infinite where
+    /// fewer than two values are finite.
+    fn variance(&self) -> Vec<f32> {
+        let of_lane = |(lane, sum): (usize, &f64)| {
+            let count = self.count(lane);
+            if count > 1.0 { (sum / (count * (count - 1.0))) as f32 } else { f32::INFINITY }
+        };
+        self.deviations.iter().enumerate().map(of_lane).collect()
+    }
+}
+
+/// The number of samples in a file's name: the one beside `spp`, else the last,
+/// as in `box-0064spp.exr` and `box_64.exr`.
+#[must_use]
+pub fn samples_in_name(path: &Path) -> Option<u32> {
+    let stem = path.file_stem()?.to_string_lossy().to_ascii_lowercase();
+    let digits = |text: &str| -> String { text.chars().take_while(char::is_ascii_digit).collect() };
+    let last_digits = |text: &str| -> String {
+        let reversed = digits(&text.chars().rev().collect::<String>());
+        reversed.chars().rev().collect()
+    };
+    let separators = ['-', '_', ' ', '.', '='];
+    let beside = stem.split_once("spp").map(|(before, after)| {
+        let before = last_digits(before.trim_end_matches(separators));
+        if before.is_empty() { digits(after.trim_start_matches(separators)) } else { before }
+    });
+    let number = beside
+        .filter(|number| !number.is_empty())
+        .unwrap_or_else(|| last_digits(stem.trim_end_matches(|c: char| !c.is_ascii_digit())));
+    number.parse().ok().filter(|&number| number > 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use exr::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn numbers_in_names() {
+        for (name, samples) in [
+            ("box-0064spp.exr", Some(64)),
+            ("a/box_64.exr", Some(64)),
+            ("spp16.exr", Some(16)),
+            ("1080p_16_spp_v2.exr", Some(16)),
+            ("1080p-spp=32_v2.exr", Some(32)),
+            ("v2-00128-final.exr", Some(128)),
+            ("spp.exr", None),
+            ("box.exr", None),
+            ("box-0.exr", None),
+            ("box-99999999999.exr", None),
+        ] {
+            assert_eq!(samples_in_name(Path::new(name)), samples, "{name}");
+        }
+    }
+
+    /// Pictures of 5x40 pixels, whose values follow from the picture and the pixel.
+    fn value(picture: usize, lane: usize) -> f32 {
+        ((picture * 7919 + lane * 104_729) % 1000) as f32 / 8.0
+    }
+
+    fn pictures(folder: &Path, names: &[&str], count: usize) -> Vec<PathBuf> {
+        let pixels = 200;
+        let write = |i: usize| {
+            let path = folder.join(format!("{i}.exr"));
+            let channels = names.iter().enumerate().map(|(channel, name)| {
+                let values = (0..pixels).map(|pixel| value(i, channel * pixels + pixel)).collect();
+                AnyChannel::new(*name, FlatSamples::F32(values))
+            });
+            let channels = AnyChannels::sort(channels.collect());
+            Image::from_channels((5, 40), channels).write().to_file(&path).expect("a file");
+            path
+        };
+        (0..count).map(write).collect()
+    }
+
+    fn close(a: f32, b: f64) {
+        assert!((f64::from(a) - b).abs() <= 1e-6 * b.abs(), "{a} is not {b}");
+    }
+
+    #[test]
+    fn independent_renderings() -> std::result::Result<(), crate::Error> {
+        let folder = tempfile::tempdir().expect("a folder");
+        let paths = pictures(folder.path(), &["R", "G", "B"], 6);
+        let mut packer = Packer::new(open(&paths, None)?, Pack::Samples(4))?;
+        assert_eq!(packer.sample_counts(), [4, 8, 12, 16, 20, 24]);
+        let names: Vec<_> = packer.sides().iter().map(Side::to_string).collect();
+        assert_eq!(names, ["fold0", "fold1", "fold2", "fold3", "Variance"]);
+        assert!(packer.strips().eq(std::iter::once(0..40)));
+        let batch = packer.read(16..19)?;
+        assert_eq!(batch.lanes(), 3 * 3 * 5);
+        for lane in 0..45 {
+            let samples: Vec<f64> =
+                (0..6).map(|i| f64::from(value(i, lane / 15 * 200 + 80 + lane % 15))).collect();
+            let mean = |samples: &[f64]| samples.iter().sum::<f64>() / samples.len() as f64;
+            for k in 0..6 {
+                close(batch.term(k)[lane], mean(&samples[..=k]));
+            }
+            let all = mean(&samples);
+            let squares = samples.iter().map(|x| (x - all).powi(2)).sum::<f64>();
+            close(batch.side(&Side::Variance).expect("a variance")[lane], squares / 30.0);
+            close(
+                batch.side(&Side::Fold(1)).expect("a fold")[lane],
+                mean(&[samples[1], samples[5]]),
+            );
+            close(batch.side(&Side::Fold(3)).expect("a fold")[lane], samples[3]);
+        }
+        packer.read(0..16)?;
+        assert_eq!(packer.finish()?, []);
+        Ok(())
+    }
+
+    /// One picture spoils nothing but what it alone could tell.
+    #[test]
+    fn values_that_are_not_finite_are_left_out() {
+        let (nan, inf) = (f32::NAN, f32::INFINITY);
+        // By picture: lanes that are bad never, once, at first, and but for one value.
+        let pictures = [
+            [1.0, 1.0, nan, nan],
+            [2.0, inf, 2.0, nan],
+            [3.0, 3.0, 3.0, -inf],
+            [4.0, 4.0, 4.0, 4.0],
+            [6.0, 6.0, 6.0, nan],
+        ];
+        let mut moments = Moments::new(4);
+        let mut terms = Vec::new();
+        pictures.iter().for_each(|values| moments.push(values, &mut terms));
+        let last = &terms[16..];
+        assert_eq!(last, [3.2, 3.5, 3.75, 4.0]);
+        assert!(terms[2].is_nan(), "nothing is known after the first picture");
+        assert_eq!((moments.fold(0)[1], moments.fold(0)[2]), (3.5, 6.0));
+        assert!(moments.fold(1)[1].is_nan(), "its only value was infinite");
+        // 1, 3, 4, 6: squared deviations of 13 in all, over 4 · 3.
+        let variance = moments.variance();
+        assert!((f64::from(variance[1]) - 13.0 / 12.0).abs() < 1e-6, "{}", variance[1]);
+        assert_eq!(variance[3], f32::INFINITY, "one value says nothing of its error");
+    }
+
+    #[test]
+    fn estimates_are_the_terms() -> std::result::Result<(), crate::Error> {
+        let folder = tempfile::tempdir().expect("a folder");
+        let paths = pictures(folder.path(), &["Y"], 2);
+        let mut packer = Packer::new(open(&paths, None)?, Pack::Estimates(vec![3, 10]))?;
+        assert_eq!((packer.model(), packer.sides()), (ColorModel::Mono, vec![]));
+        let batch = packer.read(0..40)?;
+        assert_eq!(batch.sample_counts(), [3, 10]);
+        assert!((0..200).all(|lane| batch.term(1)[lane] == value(1, lane)));
+        for bad in [vec![3], vec![3, 3], vec![10, 3], vec![0, 1]] {
+            let pictures = open(&paths, None)?;
+            assert!(Packer::new(pictures, Pack::Estimates(bad.clone())).is_err(), "{bad:?}");
+        }
+        assert!(Packer::new(open(&paths, None)?, Pack::Samples(u32::MAX)).is_err());
+        assert!(Packer::new(vec![], Pack::Samples(1)).is_err());
+        Ok(())
+    }
+
+    #[test]
+    fn equal_renderings_are_refused_but_black_ones_are_not() -> std::result::Result<(), crate::Error>
+    {
+        let folder = tempfile::tempdir().expect("a folder");
+        let paths = pictures(folder.path(), &["Y"], 2);
+        let twice = [paths[0].clone(), paths[1].clone(), paths[0].clone()];
+        let mut packer = Packer::new(open(&twice, None)?, Pack::Samples(1))?;
+        packer.read(0..40)?;
+        assert!(packer.finish().is_err_and(|e| e.to_string().contains("seeds")));
+
+        let black = folder.path().join("black.exr");
+        let channel = AnyChannel::new("Y", FlatSamples::F32(vec![0.0; 200]));
+        let channels = AnyChannels::sort([channel].into_iter().collect());
+        Image::from_channels((5, 40), channels).write().to_file(&black).expect("a file");
+        let mut packer = Packer::new(open(&[black.clone(), black], None)?, Pack::Samples(1))?;
+        packer.read(0..40)?;
+        assert_eq!(packer.finish()?, []);
+        Ok(())
+    }
+}

@@ -1,0 +1,350 @@
+//! Pictures from EXR files of any program: RGB or a single channel, f16, f32 or
+//! u32, scan lines or tiles, in any layer or part. They are read by ranges of
+//! rows, so that many large files can be worked on side by side.
+
+use std::{
+    collections::BTreeSet,
+    ops::Range,
+    path::{Path, PathBuf},
+};
+
+use exr::{
+    block::{
+        UncompressedBlock,
+        chunk::{Chunk, CompressedBlock},
+        lines::LineRef,
+    },
+    meta::{MetaData, header::Header},
+    prelude::{Compression, SampleType, f16},
+};
+use nst_core::Grid;
+use rayon::prelude::*;
+
+use crate::{
+    Error,
+    header::{ExrHeader, Part, open},
+};
+
+/// A layer of an EXR file whose header has been read and checked; its pixels
+/// have not.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    path: PathBuf,
+    part: usize,
+    /// Indices of the file's channels, in the order of the lanes.
+    channels: Vec<usize>,
+    /// Width and height of the data window, which is taken for the picture.
+    pub size: [u32; 2],
+    /// Where the data window's left upper corner lies.
+    pub position: [i32; 2],
+    /// The layer's name; empty for the main picture.
+    pub layer: String,
+    /// The names of its channels: R, G and B, or one.
+    pub channel_names: Vec<String>,
+    /// The attribute `samplesPerPixel`, where the file has it as a whole number above 0.
+    pub samples_per_pixel: Option<u32>,
+}
+
+impl Picture {
+    /// Reads the header of a file and picks a layer: the named one, else the main
+    /// picture, else the only one. A layer is named by what stands before the
+    /// last dot of its channels' names, by its part's name, or by both; a single
+    /// channel by its whole name.
+    ///
+    /// # Errors
+    /// [`Error::Io`] or [`Error::Malformed`] names the file, what is wrong with it, and
+    /// the layers that it has.
+    pub fn open(path: &Path, layer: Option<&str>) -> Result<Self, Error> {
+        let header = ExrHeader::read(path)?;
+        let layer = header.choose(layer).map_err(|message| Error::malformed(path, message))?;
+        let part = &header.parts[layer.part];
+        let channels = || layer.channels.iter().map(|&channel| &part.channels[channel]);
+        if part.deep {
+            return Err(Error::malformed(
+                path,
+                "deep pixels are not supported; flatten them first",
+            ));
+        }
+        // Else the samples of other channels would not be where the library looks for them.
+        if !part.channels.iter().all(|channel| channel.full_resolution) {
+            let message = "channels of reduced resolution are not supported; resample them first";
+            return Err(Error::malformed(path, message));
+        }
+        let [width, height] = part.size;
+        Grid::new(width, height, layer.channels.len() as u32, 0)
+            .map_err(|error| Error::malformed(path, error.to_string()))?;
+        Ok(Self {
+            path: path.to_owned(),
+            part: layer.part,
+            size: part.size,
+            position: part.position,
+            channel_names: channels().map(|channel| channel.name.clone()).collect(),
+            samples_per_pixel: samples_per_pixel(part),
+            channels: layer.channels,
+            layer: layer.name,
+        })
+    }
+
+    /// The file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Reads the whole picture, as [`Self::read_rows`] does.
+    ///
+    /// # Errors
+    /// As of [`Self::read_rows`].
+    pub fn read(&self) -> Result<Vec<f32>, Error> {
+        self.read_rows(0..self.size[1])
+    }
+
+    /// Reads some rows, counted from the top, as planar lanes: `[channel][y][x]`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] or [`Error::Malformed`] names the file and what is wrong with it.
+    ///
+    /// # Panics
+    /// If the picture does not have these rows.
+    pub fn read_rows(&self, rows: Range<u32>) -> Result<Vec<f32>, Error> {
+        assert!(rows.start <= rows.end && rows.end <= self.size[1], "{rows:?} of {:?}", self.size);
+        let (meta, chunks) = self.chunks(&rows)?;
+        let header = &meta.headers[self.part];
+        if !chunks.iter().all(|chunk| sizes_are_plausible(chunk, header)) {
+            return Err(Error::malformed(&self.path, "damaged: a block is larger than it can be"));
+        }
+        let blocks = chunks
+            .into_par_iter()
+            .map(|chunk| UncompressedBlock::decompress_chunk(chunk, &meta, false))
+            .collect::<Result<Vec<_>, _>>()
+            .map_err(|error| Error::exr("read", &self.path, error))?;
+
+        let incomplete = || Error::malformed(&self.path, "damaged: it lacks some of its pixels");
+        let width = self.size[0] as usize;
+        let wanted = rows.start as usize..rows.end as usize;
+        let plane = wanted.len() * width;
+        // Memory only for what is there.
+        let pixels = blocks.iter().map(|block| block.index.pixel_size.area()).sum::<usize>();
+        if pixels < plane {
+            return Err(incomplete());
+        }
+        let mut lanes = vec![0.0; plane * self.channels.len()];
+        let mut seen = BTreeSet::new();
+        let mut missing = plane;
+        for block in blocks {
+            let index = block.index;
+            let (x, y) = (index.pixel_position.x(), index.pixel_position.y());
+            let elsewhere =
+                index.layer != self.part || (index.level.x(), index.level.y()) != (0, 0);
+            if elsewhere || !seen.insert((x, y)) {
+                return Err(incomplete());
+            }
+            for line in block.lines(&header.channels) {
+                let (at, y) = (line.location, line.location.position.y());
+                let Some(lane) = self.channels.iter().position(|&c| c == at.channel) else {
+                    continue;
+                };
+                if !wanted.contains(&y) {
+                    continue;
+                }
+                let first = lane * plane + (y - wanted.start) * width + at.position.x();
+                let kind = header.channels.list[at.channel].sample_type;
+                read_line(&line, kind, &mut lanes[first..first + at.sample_count])
+                    .map_err(|error| Error::exr("read", &self.path, error))?;
+                if lane == 0 {
+                    missing = missing.checked_sub(at.sample_count).ok_or_else(incomplete)?;
+                }
+            }
+        }
+        if missing > 0 { Err(incomplete()) } else { Ok(lanes) }
+    }
+
+    /// The compressed blocks that contain any of the rows.
+    fn chunks(&self, rows: &Range<u32>) -> Result<(MetaData, Vec<Chunk>), Error> {
+        let reader = open(&self.path)?;
+        let meta = reader.meta_data().clone();
+        let unchanged = meta.headers.get(self.part).is_some_and(|header| {
+            [header.layer_size.x(), header.layer_size.y()] == self.size.map(|n| n as usize)
+                && self.channels.iter().all(|&channel| channel < header.channels.list.len())
+        });
+        if !unchanged {
+            return Err(Error::malformed(&self.path, "it has changed since it was opened"));
+        }
+        let chunks = reader
+            .filter_chunks(false, |_, tile, block| {
+                let (first, end) = (
+                    block.pixel_position.y(),
+                    block.pixel_position.y().saturating_add(block.pixel_size.y()),
+                );
+                block.layer == self.part
+                    && (tile.level_index.x(), tile.level_index.y()) == (0, 0)
+                    && first < rows.end as usize
+                    && end > rows.start as usize
+            })
+            .and_then(Iterator::collect)
+            .map_err(|error| Error::exr("read", &self.path, error))?;
+        Ok((meta, chunks))
+    }
+}
+
+/// Whether its pixels can have the sizes that a DWA block begins with.
+/// The library allocates what they say.
+fn sizes_are_plausible(chunk: &Chunk, header: &Header) -> bool {
+    if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+        return true;
+    }
+    let bytes = match &chunk.compressed_block {
+        CompressedBlock::ScanLine(block) => &block.compressed_pixels_le,
+        CompressedBlock::Tile(block) => &block.compressed_pixels_le,
+        _ => return false,
+    };
+    // Version, nine sizes, the kind of entropy coding; pixels are coded by 8 by 8.
+    let block = header.max_block_pixel_size();
+    let pixels = block.x().next_multiple_of(8).saturating_mul(block.y().next_multiple_of(8));
+    let most = pixels.saturating_mul(4 * header.channels.bytes_per_pixel) as u64 + (1 << 16);
+    // A block that does not shrink is stored as it is.
+    let raw = header
+        .get_block_data_indices(&chunk.compressed_block)
+        .and_then(|tile| header.get_absolute_block_pixel_coordinates(tile))
+        .is_ok_and(|block| bytes.len() == block.size.area() * header.channels.bytes_per_pixel);
+    let (numbers, _) = bytes.as_chunks();
+    raw || numbers.iter().take(10).skip(1).all(|&number| u64::from_le_bytes(number) <= most)
+}
+
+/// Converts a line of samples; u32 beyond 2²⁴ are rounded.
+fn read_line(line: &LineRef<'_>, kind: SampleType, lanes: &mut [f32]) -> exr::error::UnitResult {
+    match kind {
+        SampleType::F32 => {
+            for (lane, sample) in lanes.iter_mut().zip(line.read_samples::<f32>()) {
+                *lane = sample?;
+            }
+        }
+        SampleType::F16 => {
+            for (lane, sample) in lanes.iter_mut().zip(line.read_samples::<f16>()) {
+                *lane = sample?.to_f32();
+            }
+        }
+        SampleType::U32 => {
+            for (lane, sample) in lanes.iter_mut().zip(line.read_samples::<u32>()) {
+                *lane = sample? as f32;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// pbrt writes an integer; other programs write text or a float.
+fn samples_per_pixel(part: &Part) -> Option<u32> {
+    let number = part.attributes.get("samplesPerPixel")?.trim().parse::<f64>().ok()?;
+    (number >= 1.0 && number <= f64::from(u32::MAX) && number.fract() == 0.0)
+        .then_some(number as u32)
+}
+
+#[cfg(test)]
+mod tests {
+    use exr::prelude::*;
+
+    use super::*;
+
+    fn value(channel: usize, x: usize, y: usize) -> f32 {
+        (100 * channel + 10 * y + x) as f32
+    }
+
+    fn samples(kind: SampleType, channel: usize, size: Vec2<usize>) -> FlatSamples {
+        let all = (0..size.area()).map(|i| value(channel, i % size.0, i / size.0));
+        match kind {
+            SampleType::F16 => FlatSamples::F16(all.map(f16::from_f32).collect()),
+            SampleType::F32 => FlatSamples::F32(all.collect()),
+            SampleType::U32 => FlatSamples::U32(all.map(|x| x as u32).collect()),
+        }
+    }
+
+    /// Writes channels whose samples follow from their index, the size and the position.
+    fn write_file(path: &Path, encoding: Encoding, position: Vec2<i32>, names: &[&str]) {
+        let size = Vec2(9, 37);
+        let kinds = [SampleType::F16, SampleType::F32, SampleType::U32];
+        let channels = names
+            .iter()
+            .enumerate()
+            .map(|(i, name)| AnyChannel::new(*name, samples(kinds[i % 3], i, size)));
+        let attributes = LayerAttributes::named("main").with_position(position);
+        let layer = Layer::new(size, attributes, encoding, AnyChannels::sort(channels.collect()));
+        Image::from_layer(layer).write().to_file(path).expect("a file");
+    }
+
+    #[test]
+    fn all_kinds_of_blocks_and_any_rows() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("x.exr");
+        let tiles = |side| Blocks::Tiles(Vec2(side, side));
+        let order = LineOrder::Unspecified;
+        for (compression, blocks, line_order) in [
+            (Compression::Uncompressed, Blocks::ScanLines, LineOrder::Increasing),
+            (Compression::RLE, Blocks::ScanLines, LineOrder::Increasing),
+            (Compression::ZIP1, Blocks::ScanLines, LineOrder::Decreasing),
+            (Compression::ZIP16, Blocks::ScanLines, LineOrder::Increasing),
+            (Compression::PIZ, Blocks::ScanLines, LineOrder::Increasing),
+            (Compression::ZIP16, tiles(4), order),
+            (Compression::PIZ, tiles(16), order),
+        ] {
+            let encoding = Encoding { compression, blocks, line_order };
+            write_file(&path, encoding, Vec2(-3, 7), &["x.B", "x.G", "x.R"]);
+            let picture = Picture::open(&path, None).expect("a picture");
+            assert_eq!((picture.size, picture.position), ([9, 37], [-3, 7]));
+            assert_eq!(picture.channel_names, ["x.R", "x.G", "x.B"]);
+            for rows in [0..37, 0..1, 15..18, 36..37, 20..20] {
+                let lanes = picture.read_rows(rows.clone()).expect("rows");
+                let expected = [2, 1, 0].into_iter().flat_map(|channel| {
+                    let row = move |y| (0..9).map(move |x| value(channel, x, y as usize));
+                    rows.clone().flat_map(row)
+                });
+                assert!(lanes.into_iter().eq(expected), "{compression:?} {blocks:?} {rows:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn damaged_files_are_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("x.exr");
+        let encoding = Encoding {
+            compression: Compression::Uncompressed,
+            blocks: Blocks::ScanLines,
+            line_order: LineOrder::Increasing,
+        };
+        write_file(&path, encoding, Vec2(0, 0), &["Y"]);
+        let whole = std::fs::read(&path).expect("the file");
+        let read = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).expect("a file");
+            Picture::open(&path, None)?.read()
+        };
+        assert!(read(&whole).is_ok());
+        assert!(read(&whole[..whole.len() - 1]).is_err_and(|e| e.to_string().contains("readable")));
+        assert!(read(&whole[..60]).is_err());
+        assert!(read(b"P6 1 1 255 abc").is_err());
+        // A second entry of the chunk table that names the first row again.
+        let row = 8 + 9 * 2;
+        let table = whole.len() - 37 * (row + 8);
+        let mut doubled = whole.clone();
+        doubled.copy_within(table..table + 8, table + 8);
+        assert!(read(&doubled).is_err_and(|e| e.to_string().contains("lacks")));
+    }
+
+    #[test]
+    fn samples_per_pixel_in_any_type() {
+        let part = |text: &str| Part {
+            name: None,
+            size: [1, 1],
+            position: [0, 0],
+            storage: String::new(),
+            deep: false,
+            channels: Vec::new(),
+            attributes: [("samplesPerPixel".to_owned(), text.to_owned())].into(),
+        };
+        assert_eq!(samples_per_pixel(&part("16")), Some(16));
+        assert_eq!(samples_per_pixel(&part("16.0")), Some(16));
+        for bad in ["0", "-1", "1.5", "many", "NaN", "1e99"] {
+            assert_eq!(samples_per_pixel(&part(bad)), None, "{bad}");
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! Single-part scanline EXR files, read and written some rows at a time, so that
+//! a picture with hundreds of channels need not fit the memory.
+//!
+//! The exr crate parses headers and (de)compresses blocks. Where blocks lie in the
+//! file is read here, and every size is checked against the file's length before
+//! memory is asked for.
+
+mod reader;
+mod writer;
+
+use std::collections::BTreeMap;
+
+use exr::meta::attribute::SampleType;
+
+pub(crate) use reader::{RowReader, Rows};
+pub(crate) use writer::RowWriter;
+
+/// Bytes of a sample: the channels of these files are f32 or u32.
+const SAMPLE: usize = 4;
+
+/// The value of an attribute.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Attribute {
+    Text(String),
+    I32(i32),
+    F32(f32),
+}
+
+/// Attributes by name.
+pub(crate) type Attributes = BTreeMap<String, Attribute>;
+
+/// A channel's name and type, f32 or u32.
+pub(crate) type Channel = (String, SampleType);
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::{Error, output::OutputFile};
+
+    /// Writes f32 channels of some rows at a time.
+    fn write(path: &Path, size: [u32; 2], planes: &[Vec<f32>], rows: usize) -> Result<(), Error> {
+        let names = ["b", "a", "c"];
+        let channels = names.map(|name| (name.to_owned(), SampleType::F32));
+        let attributes = [("x".to_owned(), Attribute::Text("µ, β".into()))].into();
+        let mut output = OutputFile::create(path)?;
+        let mut writer = RowWriter::create(&mut output, size, &channels, attributes)?;
+        let step = size[0] as usize * rows;
+        for first in (0..planes[0].len()).step_by(step) {
+            let part = |plane: &Vec<f32>| plane[first..plane.len().min(first + step)].to_vec();
+            let part: Vec<Vec<f32>> = planes.iter().map(part).collect();
+            let bytes: Vec<&[u8]> = part.iter().map(|plane| bytemuck::cast_slice(plane)).collect();
+            writer.push(&bytes)?;
+        }
+        writer.finish()?;
+        output.commit()
+    }
+
+    #[test]
+    fn rows_come_back_however_they_are_cut() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("x.exr");
+        for size in [[7, 50], [1, 1], [5, 16], [33, 17]] {
+            let pixels = size[0] as usize * size[1] as usize;
+            let plane = |c: usize| (0..pixels).map(|i| (i * i + c) as f32 / 7.0).collect();
+            let planes: Vec<Vec<f32>> = (0..3).map(plane).collect();
+            for (written, read) in [(16, 32), (1 << 20, 16), (32, 1 << 20), (16, 5)] {
+                write(&path, size, &planes, written).expect("it can be written");
+                let mut reader = RowReader::open(&path).expect("it can be read");
+                assert_eq!(reader.size(), size);
+                assert_eq!(reader.attribute("x"), Some(Attribute::Text("µ, ?".into())));
+                let names: Vec<String> = reader.channels().map(|(name, _)| name).collect();
+                assert_eq!(names, ["a", "b", "c"]);
+                let mut found = vec![Vec::new(); 3];
+                for first in (0..size[1]).step_by(read) {
+                    let rows = first..size[1].min(first + read as u32);
+                    let rows = reader.read(rows).expect("rows");
+                    for (channel, plane) in [(1, 0), (0, 1), (2, 2)] {
+                        let mut values = vec![0.0_f32; rows.pixels()];
+                        rows.copy(channel, bytemuck::cast_slice_mut(&mut values));
+                        found[plane].extend(values);
+                    }
+                }
+                assert_eq!(found, planes);
+            }
+        }
+    }
+
+    #[test]
+    fn rows_that_do_not_fit_are_refused() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("x.exr");
+        let planes = |rows: usize| vec![vec![1.0; 7 * rows]; 3];
+        assert!(write(&path, [7, 40], &planes(40), 16).is_ok());
+        for (rows, step) in [(40, 10), (48, 16), (32, 16), (41, 1 << 20)] {
+            assert!(write(&path, [7, 40], &planes(rows), step).is_err(), "{rows} {step}");
+        }
+    }
+}

@@ -1,0 +1,336 @@
+//! Reads sequence files row by row.
+
+use std::{
+    borrow::Cow,
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+};
+
+use exr::prelude::SampleType;
+use ndarray::Array2;
+use nst_core::{FOLDS, Grid, LaneSums, SequenceBatch, Side, Strips};
+use rayon::prelude::*;
+
+use super::{ResumeInfo, SequenceInfo, VERSION, term_name, writer::KnownLanes};
+use crate::{
+    ColorModel, Error,
+    layers::channel_name,
+    limits::{BLOCK_ROWS, strip_rows},
+    rows::{Attribute, RowReader, Rows},
+};
+
+/// Reads a sequence strip by strip, so that it need not fit the memory.
+pub struct SequenceReader {
+    rows: RowReader,
+    info: SequenceInfo,
+    /// Which of the file's channels are the terms', `[term][channel]`.
+    terms: Vec<usize>,
+    /// Which are the side channels', `[side][channel]`.
+    sides: Vec<Vec<usize>>,
+    /// Which hold the state, `[sum][word][channel]`.
+    state: Vec<usize>,
+    /// Rows of a strip, a multiple of 16.
+    step: u32,
+    /// The first row of the next strip.
+    next: u32,
+    /// Rows beside a strip that come with it.
+    halo: u32,
+}
+
+impl SequenceReader {
+    /// Reads and checks the header.
+    ///
+    /// # Errors
+    /// [`Error::Io`] or [`Error::Malformed`] names the file and what is wrong with it.
+    pub fn open(path: &Path) -> Result<Self, Error> {
+        let rows = RowReader::open(path)?;
+        let header = Header { path, rows: &rows };
+        let version = header.text("nst.version")?;
+        if version != VERSION {
+            return Err(Error::malformed(
+                path,
+                format!("format version {version}; this program reads version {VERSION}"),
+            ));
+        }
+        let sample_counts: Vec<u32> = header.numbers("nst.terms")?;
+        if sample_counts[0] == 0 || sample_counts.windows(2).any(|pair| pair[0] >= pair[1]) {
+            let message =
+                "attribute 'nst.terms': sample counts must start at 1 or above and increase";
+            return Err(Error::malformed(path, message));
+        }
+        // Samples of another program may have none of these.
+        let seeds = match header.optional("nst.seed")?.as_deref() {
+            None | Some("") => Vec::new(),
+            Some(_) => header.numbers("nst.seed")?,
+        };
+        let scene = header.optional("nst.scene")?.unwrap_or_default();
+        let sampler = header.optional("nst.sampler")?.unwrap_or_default();
+        let render_seconds = match rows.attribute("renderTimeSeconds") {
+            Some(Attribute::F32(seconds)) if seconds.is_finite() && seconds > 0.0 => seconds,
+            _ => 0.0,
+        };
+        let resume = header.resume()?;
+
+        let channels = Channels::of(path, &rows);
+        let model = channels.model();
+        let terms = channels.terms(model, &sample_counts)?;
+        let (names, sides): (Vec<_>, _) =
+            channels.sides(model, &sample_counts)?.into_iter().unzip();
+        let info = SequenceInfo {
+            size: rows.size(),
+            model,
+            sample_counts,
+            sides: names,
+            scene,
+            sampler,
+            seeds,
+            render_seconds,
+            resume,
+        };
+        let state = info.state_channels();
+        let state = state.iter().map(|(name, kind)| channels.find(name, *kind));
+        let state = state.collect::<Result<_, _>>()?;
+        header.check_folds(&info)?;
+        info.grid().map_err(|error| Error::malformed(path, error.to_string()))?;
+        let step = strip_rows(rows.row_bytes());
+        Ok(Self { rows, info, terms, sides, state, step, next: 0, halo: 0 })
+    }
+
+    /// What the file says about itself.
+    #[must_use]
+    pub fn info(&self) -> &SequenceInfo {
+        &self.info
+    }
+
+    /// Reads strips of this many rows, rounded up to a multiple of 16, rather than of
+    /// about 100 MB.
+    #[must_use]
+    pub fn with_strip_rows(self, rows: u32) -> Self {
+        Self { step: rows.clamp(1, 1 << 30).next_multiple_of(BLOCK_ROWS), ..self }
+    }
+
+    /// Goes on with the strip that begins at a row.
+    pub(crate) fn skip_to(&mut self, row: u32) {
+        self.next = row.min(self.info.size[1]);
+    }
+
+    /// The next strip with its sums, if the file contains them; `None` after the last.
+    pub(super) fn next_with_sums(
+        &mut self,
+    ) -> Result<Option<(SequenceBatch, Option<Vec<LaneSums>>)>, Error> {
+        let Some((rows, grid)) = self.next_rows()? else { return Ok(None) };
+        let batch = self.batch(&rows, grid)?;
+        let sums = (!self.state.is_empty()).then(|| self.sums(&rows, &batch));
+        Ok(Some((batch, sums)))
+    }
+
+    /// Reads the rows of the next strip, and those of its halo.
+    fn next_rows(&mut self) -> Result<Option<(Rows, Grid)>, Error> {
+        let [width, height] = self.info.size;
+        if self.next == height {
+            return Ok(None);
+        }
+        let inner = self.next..height.min(self.next.saturating_add(self.step));
+        let outer =
+            inner.start.saturating_sub(self.halo)..height.min(inner.end.saturating_add(self.halo));
+        let channels = self.info.model.channels().len() as u32;
+        let grid = Grid::new(width, outer.len() as u32, channels, outer.start)?
+            .with_halo(inner.start - outer.start, outer.end - inner.end)?;
+        let rows = self.rows.read(outer)?;
+        self.next = inner.end;
+        Ok(Some((rows, grid)))
+    }
+
+    fn batch(&self, rows: &Rows, grid: Grid) -> Result<SequenceBatch, Error> {
+        let copy = |channels: &[usize]| {
+            let mut values = vec![0.0_f32; channels.len() * grid.pixels()];
+            values
+                .par_chunks_exact_mut(grid.pixels())
+                .zip(channels)
+                .for_each(|(image, &channel)| rows.copy(channel, bytemuck::cast_slice_mut(image)));
+            values
+        };
+        let shape = (self.info.sample_counts.len(), grid.lanes());
+        let terms = Array2::from_shape_vec(shape, copy(&self.terms))
+            .map_err(|error| Error::Mismatch(error.to_string()))?;
+        let mut batch = SequenceBatch::new(terms, self.info.sample_counts.clone())?;
+        batch.set_grid(grid)?;
+        for (side, channels) in self.info.sides.iter().zip(&self.sides) {
+            batch.set_side(side.clone(), copy(channels))?;
+        }
+        Ok(batch)
+    }
+
+    fn sums(&self, rows: &Rows, batch: &SequenceBatch) -> Vec<LaneSums> {
+        let pixels = rows.pixels();
+        // `[sum][word][lane]`
+        let mut words = vec![0_u32; self.state.len() * pixels];
+        words
+            .par_chunks_exact_mut(pixels)
+            .zip(&self.state)
+            .for_each(|(image, &channel)| rows.copy(channel, bytemuck::cast_slice_mut(image)));
+        let lanes = batch.lanes();
+        let known = KnownLanes::new(batch);
+        let joined = (0..lanes).into_par_iter().map(|lane| {
+            let word = |sum: usize, word: usize| words[(2 * sum + word) * lanes + lane];
+            known.lane(lane).join(std::array::from_fn(|sum| [word(sum, 0), word(sum, 1)]))
+        });
+        joined.collect()
+    }
+}
+
+impl Strips for SequenceReader {
+    fn rewind(&mut self, halo: u32) -> Result<(), nst_core::Error> {
+        (self.next, self.halo) = (0, halo);
+        Ok(())
+    }
+
+    fn next_strip(&mut self) -> Result<Option<Cow<'_, SequenceBatch>>, nst_core::Error> {
+        let Some((rows, grid)) = self.next_rows()? else { return Ok(None) };
+        Ok(Some(Cow::Owned(self.batch(&rows, grid)?)))
+    }
+}
+
+/// The channels of a file: index and type, by name.
+struct Channels<'a> {
+    path: &'a Path,
+    by_name: BTreeMap<String, (usize, SampleType)>,
+}
+
+impl<'a> Channels<'a> {
+    fn of(path: &'a Path, rows: &RowReader) -> Self {
+        let channels = rows.channels().enumerate();
+        Self { path, by_name: channels.map(|(i, (name, kind))| (name, (i, kind))).collect() }
+    }
+
+    fn model(&self) -> ColorModel {
+        let has = |name| self.by_name.contains_key(name);
+        if has("R") || !has("Y") { ColorModel::Rgb } else { ColorModel::Mono }
+    }
+
+    fn find(&self, name: &str, kind: SampleType) -> Result<usize, Error> {
+        match self.by_name.get(name) {
+            Some(&(index, found)) if found == kind => Ok(index),
+            Some(_) => Err(Error::malformed(
+                self.path,
+                format!("channel '{name}' is not of type {kind:?}"),
+            )),
+            None => Err(Error::malformed(self.path, format!("channel '{name}' is missing"))),
+        }
+    }
+
+    fn layer(&self, channels: &[&str], layer: &str) -> Result<Vec<usize>, Error> {
+        let names = channels.iter().map(|channel| channel_name(layer, channel));
+        names.map(|name| self.find(&name, SampleType::F32)).collect()
+    }
+
+    /// The channels of the terms, `[term][channel]`.
+    fn terms(&self, model: ColorModel, sample_counts: &[u32]) -> Result<Vec<usize>, Error> {
+        // The picture repeats the last term; it is not read, but must be there.
+        self.layer(model.channels(), "")?;
+        let mut terms = Vec::new();
+        for &count in sample_counts {
+            terms.extend(self.layer(model.channels(), &term_name(count))?);
+        }
+        Ok(terms)
+    }
+
+    /// The side channels: layers beside the picture, the terms and the state. A layer that
+    /// this version knows must be as it should be; one that it does not know is left aside
+    /// unless it is of 32-bit floats in the channels of the picture.
+    fn sides(
+        &self,
+        model: ColorModel,
+        sample_counts: &[u32],
+    ) -> Result<BTreeMap<Side, Vec<usize>>, Error> {
+        let terms: BTreeSet<String> = sample_counts.iter().copied().map(term_name).collect();
+        let layers: BTreeSet<&str> = self
+            .by_name
+            .keys()
+            .filter_map(|name| Some(name.rsplit_once('.')?.0))
+            .filter(|layer| !terms.contains(*layer) && !layer.starts_with("state."))
+            .collect();
+        let mut sides = BTreeMap::new();
+        for layer in layers {
+            let Ok(side) = layer.parse::<Side>();
+            match (self.layer(model.side_channels(&side), layer), &side) {
+                (Ok(channels), _) => drop(sides.insert(side, channels)),
+                (Err(_), Side::Other(_)) => {}
+                (Err(error), _) => return Err(error),
+            }
+        }
+        Ok(sides)
+    }
+}
+
+/// The attributes of a file.
+struct Header<'a> {
+    path: &'a Path,
+    rows: &'a RowReader,
+}
+
+impl Header<'_> {
+    fn optional(&self, name: &str) -> Result<Option<String>, Error> {
+        match self.rows.attribute(name) {
+            Some(Attribute::Text(text)) => Ok(Some(text)),
+            Some(_) => Err(Error::malformed(self.path, format!("attribute '{name}' is not text"))),
+            None => Ok(None),
+        }
+    }
+
+    fn text(&self, name: &str) -> Result<String, Error> {
+        self.optional(name)?.ok_or_else(|| {
+            Error::malformed(
+                self.path,
+                format!(
+                    "it holds no sequence (attribute '{name}' is missing); 'nst render --sequence FILE' writes one"
+                ),
+            )
+        })
+    }
+
+    /// One or more numbers.
+    fn numbers<T: std::str::FromStr>(&self, name: &str) -> Result<Vec<T>, Error> {
+        let text = self.text(name)?;
+        text.split(',').map(|number| number.parse().ok()).collect::<Option<_>>().ok_or_else(|| {
+            let short: String = text.chars().take(40).collect();
+            Error::malformed(
+                self.path,
+                format!("attribute '{name}' is '{short}', not a list of whole numbers"),
+            )
+        })
+    }
+
+    /// Fails unless the file has all folds or none, and says so.
+    fn check_folds(&self, info: &SequenceInfo) -> Result<(), Error> {
+        let folds = info.sides.iter().filter(|side| matches!(side, Side::Fold(_))).count();
+        if self.text("nst.folds")? != folds.to_string() || ![0, FOLDS].contains(&folds) {
+            let message = format!(
+                "attribute 'nst.folds' must be the number of its folds ({folds}), 0 or {FOLDS}"
+            );
+            return Err(Error::malformed(self.path, message));
+        }
+        Ok(())
+    }
+
+    fn resume(&self) -> Result<Option<ResumeInfo>, Error> {
+        let Some(keep) = self.optional("nst.keep")? else { return Ok(None) };
+        let keep = keep
+            .parse()
+            .map_err(|why| Error::malformed(self.path, format!("attribute 'nst.keep': {why}")))?;
+        Ok(Some(ResumeInfo {
+            keep,
+            pixel_filter: self.text("nst.pixel")?,
+            max_depth: self.numbers("nst.maxDepth")?[0],
+            russian_roulette: match self.text("nst.russianRoulette")?.as_str() {
+                "on" => true,
+                "off" => false,
+                other => {
+                    let message =
+                        format!("attribute 'nst.russianRoulette' is '{other}', not 'on' or 'off'");
+                    return Err(Error::malformed(self.path, message));
+                }
+            },
+        }))
+    }
+}

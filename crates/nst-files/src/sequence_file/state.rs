@@ -1,0 +1,123 @@
+//! The f64 sums of a rendering as pairs of UINT channels, without loss.
+//!
+//! A sum is a layer of its own: `state.fold0` … `state.fold3` and `state.squares`.
+//! `lo` holds the lower 32 bits of the number. Its upper 32 bits are almost what the
+//! fold mean or the variance in the same file predicts, so that `hi` holds the
+//! difference (mod 2³²) to them: mostly zeros, which hardly take up space.
+
+use exr::prelude::SampleType;
+
+use nst_core::{FOLDS, LaneSums, Side, fold_count};
+
+use crate::{ColorModel, layers::channel_name, rows::Channel};
+
+/// The folds and the squares.
+pub(super) const SUMS: usize = FOLDS + 1;
+
+/// The UINT channels: for each sum `hi` and `lo`, each with the channels of `model`.
+pub(super) fn channels(model: ColorModel) -> Vec<Channel> {
+    let folds = Side::ALL_FOLDS.iter().map(|fold| format!("state.{fold}"));
+    folds
+        .chain(["state.squares".to_owned()])
+        .flat_map(|sum| [format!("{sum}.hi"), format!("{sum}.lo")])
+        .flat_map(|layer| {
+            model
+                .channels()
+                .iter()
+                .map(move |channel| (channel_name(&layer, channel), SampleType::U32))
+        })
+        .collect()
+}
+
+/// What a file of n samples says of one lane.
+#[derive(Clone, Copy)]
+pub(super) struct Known {
+    pub(super) n: u32,
+    /// The fold means; zeros if there are none.
+    pub(super) means: [f32; FOLDS],
+    /// The variance of S_n; zero if there is none.
+    pub(super) variance: f32,
+}
+
+impl Known {
+    fn fold(&self, fold: usize) -> f64 {
+        predictable(f64::from(self.means[fold]) * fold_count(fold, self.n))
+    }
+
+    /// Σy² = Var[S_n] n (n − 1) + (Σy)²/n.
+    fn squares(&self, sum: f64) -> f64 {
+        let n = f64::from(self.n);
+        predictable(f64::from(self.variance) * n * (n - 1.0) + sum * sum / n)
+    }
+
+    /// The `hi` and `lo` of the folds, then of the squares.
+    pub(super) fn split(&self, sums: &LaneSums) -> [[u32; 2]; SUMS] {
+        std::array::from_fn(|sum| match sums.folds.get(sum) {
+            Some(&fold) => split(fold, self.fold(sum)),
+            None => split(sums.squares, self.squares(sums.total())),
+        })
+    }
+
+    /// Undoes [`Known::split`].
+    pub(super) fn join(&self, words: [[u32; 2]; SUMS]) -> LaneSums {
+        let folds = std::array::from_fn(|fold| join(words[fold], self.fold(fold)));
+        let mut sums = LaneSums { folds, squares: 0.0 };
+        sums.squares = join(words[FOLDS], self.squares(sums.total()));
+        sums
+    }
+}
+
+/// A NaN's bits may differ from machine to machine; they predict nothing.
+fn predictable(prediction: f64) -> f64 {
+    if prediction.is_nan() { 0.0 } else { prediction }
+}
+
+fn upper(number: f64) -> u32 {
+    (number.to_bits() >> 32) as u32
+}
+
+fn split(number: f64, prediction: f64) -> [u32; 2] {
+    [upper(number).wrapping_sub(upper(prediction)), number.to_bits() as u32]
+}
+
+fn join([hi, lo]: [u32; 2], prediction: f64) -> f64 {
+    let upper = hi.wrapping_add(upper(prediction));
+    f64::from_bits(u64::from(upper) << 32 | u64::from(lo))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// Whatever the bits are, and whatever the file says beside them.
+        #[test]
+        fn no_bit_is_lost(
+            n in 1..u32::MAX,
+            bits in prop::array::uniform5(any::<u64>()),
+            known in prop::array::uniform5(any::<u32>()),
+        ) {
+            let [a, b, c, d, squares] = bits.map(f64::from_bits);
+            let [e, f, g, h, variance] = known.map(f32::from_bits);
+            let known = Known { n, means: [e, f, g, h], variance };
+            let again = known.join(known.split(&LaneSums { folds: [a, b, c, d], squares }));
+            let [a, b, c, d] = again.folds;
+            prop_assert_eq!([a, b, c, d, again.squares].map(f64::to_bits), bits);
+        }
+
+        /// The prediction is off by a carry at most.
+        #[test]
+        fn upper_words_are_predicted(samples in prop::collection::vec(0.0..100.0_f32, 8..40)) {
+            let mut sums = LaneSums::default();
+            (0..).zip(&samples).for_each(|(i, &y)| sums.add(i, f64::from(y)));
+            let n = samples.len() as u32;
+            let means = std::array::from_fn(|f| (sums.folds[f] / fold_count(f, n)) as f32);
+            let known = Known { n, means, variance: sums.variance(n) };
+            for [hi, _] in known.split(&sums) {
+                prop_assert!(hi.wrapping_add(1) <= 2, "{hi}");
+            }
+        }
+    }
+}
