@@ -120,7 +120,10 @@ pub(crate) fn max(a: f32, b: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use proptest::{prelude::*, test_runner::RngSeed};
+    use proptest::{
+        prelude::*,
+        test_runner::{RngSeed, TestCaseError},
+    };
 
     use super::*;
     use crate::instructions::{Instructions, Kernel};
@@ -179,61 +182,94 @@ mod tests {
         prop::array::uniform3(-1.0_f32..1.0).prop_map(Vec3A::from)
     }
 
+    /// A component of a direction: ordinary, zero with either sign, or too small to matter,
+    /// among them numbers whose inverse is infinite.
+    fn component() -> impl Strategy<Value = f32> {
+        let small = prop::sample::select(vec![0.0_f32, 1e-45, 1e-40, 1e-30, 1e-19, 1e-18, 1e-12]);
+        let signed = (small, any::<bool>()).prop_map(|(x, minus)| if minus { -x } else { x });
+        prop_oneof![signed, -1.0_f32..1.0]
+    }
+
+    /// Compares list and tree, with all instructions, with the oracle.
+    ///
+    /// A ray may slip past an edge by rounding, so hits are compared where the oracle
+    /// agrees with itself for rays shifted by 1e-4.
+    fn compare_with_brute_force(
+        polygons: &[Vec<[Vec3A; 3]>],
+        origin: Vec3A,
+        direction: Vec3A,
+    ) -> Result<(), TestCaseError> {
+        let corners = polygons.concat();
+        let triangles: Vec<_> = corners
+            .iter()
+            .map(|&positions| Triangle { positions, normals: None, uvs: None, material: 0 })
+            .collect();
+        let expected = nearest(&triangles, origin, direction);
+        for shift in [Vec3A::X, Vec3A::Y, Vec3A::Z, Vec3A::NEG_X, Vec3A::NEG_Y, Vec3A::NEG_Z] {
+            let shifted = nearest(&triangles, origin + 1e-4 * shift, direction);
+            prop_assume!(match (expected, shifted) {
+                (Some(a), Some(b)) => (a - b).abs() < 1e-2,
+                (a, b) => a.is_none() && b.is_none(),
+            });
+        }
+        let mut rays = Rays::NONE;
+        let i = triangles.len() % LANES;
+        rays.origin.set(i, origin.into());
+        rays.direction.set(i, direction.into());
+        rays.tmax[i] = f32::INFINITY;
+        for accelerator in
+            [Accelerator::List(List::new(&corners)), Accelerator::Tree(build_tree(&corners))]
+        {
+            let query = Query { accelerator: &accelerator, rays: &rays };
+            let (hits, hidden) = Instructions::Portable.run(query);
+            for instructions in Instructions::available() {
+                prop_assert_eq!(instructions.run(query), (hits, hidden), "{:?}", instructions);
+            }
+            prop_assert_eq!(hits.triangle[i] != NONE, expected.is_some());
+            prop_assert_eq!(hidden[i], expected.is_some());
+            if let Some(expected) = expected {
+                let t = hits.t[i];
+                prop_assert!((f64::from(t) - expected).abs() < 1e-3, "{} {}", t, expected);
+                let [a, b, c] = corners[hits.triangle[i] as usize];
+                let (u, v) = (hits.u[i], hits.v[i]);
+                let point = a * (1.0 - u - v) + b * u + c * v;
+                prop_assert!(point.distance(origin + direction * t) < 1e-3);
+            }
+        }
+        Ok(())
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig {
+            cases: 1024,
             rng_seed: RngSeed::Fixed(1),
             failure_persistence: None,
             ..ProptestConfig::default()
         })]
 
-        /// A ray may slip past an edge by rounding, so hits are compared where
-        /// the oracle agrees with itself for rays shifted by 1e-4.
         #[test]
         fn nearest_hit_equals_brute_force(
             polygons in prop::collection::vec(polygon(), 1..30),
             origin in vector(),
             towards in vector(),
         ) {
-            let triangles: Vec<_> = polygons
-                .concat()
-                .into_iter()
-                .map(|positions| Triangle { positions, normals: None, uvs: None, material: 0 })
-                .collect();
             prop_assume!(origin.distance(towards) > 1e-2);
-            let direction = (towards - origin).normalize();
-            let expected = nearest(&triangles, origin, direction);
-            for shift in [Vec3A::X, Vec3A::Y, Vec3A::Z, Vec3A::NEG_X, Vec3A::NEG_Y, Vec3A::NEG_Z] {
-                let shifted = nearest(&triangles, origin + 1e-4 * shift, direction);
-                prop_assume!(match (expected, shifted) {
-                    (Some(a), Some(b)) => (a - b).abs() < 1e-2,
-                    (a, b) => a.is_none() && b.is_none(),
-                });
-            }
-            let corners: Vec<_> = triangles.iter().map(|triangle| triangle.positions).collect();
-            let mut rays = Rays::NONE;
-            let lane = triangles.len() % LANES;
-            rays.origin.set(lane, origin.into());
-            rays.direction.set(lane, direction.into());
-            rays.tmax[lane] = f32::INFINITY;
-            for accelerator in
-                [Accelerator::List(List::new(&corners)), Accelerator::Tree(build_tree(&corners))]
-            {
-                let query = Query { accelerator: &accelerator, rays: &rays };
-                let (hits, hidden) = Instructions::Portable.run(query);
-                for instructions in Instructions::available() {
-                    prop_assert_eq!(instructions.run(query), (hits, hidden), "{:?}", instructions);
-                }
-                prop_assert_eq!(hits.triangle[lane] != NONE, expected.is_some());
-                prop_assert_eq!(hidden[lane], expected.is_some());
-                if let Some(expected) = expected {
-                    let t = hits.t[lane];
-                    prop_assert!((f64::from(t) - expected).abs() < 1e-3, "{} {}", t, expected);
-                    let [a, b, c] = triangles[hits.triangle[lane] as usize].positions;
-                    let (u, v) = (hits.u[lane], hits.v[lane]);
-                    let point = a * (1.0 - u - v) + b * u + c * v;
-                    prop_assert!(point.distance(origin + direction * t) < 1e-3);
-                }
-            }
+            compare_with_brute_force(&polygons, origin, (towards - origin).normalize())?;
+        }
+
+        /// Rays along an axis or a coordinate plane, or almost, through a point of a polygon.
+        #[test]
+        fn rays_along_axes_find_what_brute_force_finds(
+            polygons in prop::collection::vec(polygon(), 1..30),
+            direction in prop::array::uniform3(component()).prop_map(Vec3A::from),
+            weights in prop::array::uniform2(0.01_f32..0.49),
+            distance in 0.1_f32..2.0,
+        ) {
+            prop_assume!(direction.length() > 1e-2);
+            let direction = direction.normalize();
+            let [a, b, c] = polygons[0][0];
+            let target = a + (b - a) * weights[0] + (c - a) * weights[1];
+            compare_with_brute_force(&polygons, target - direction * distance, direction)?;
         }
     }
 }

@@ -304,6 +304,11 @@ struct Slabs {
     octant: usize,
 }
 
+/// Smaller components of directions are taken for this, with their sign: the inverse
+/// stays finite, so that times 0 it is no NaN, and unit directions change by less than
+/// f32 can tell.
+const LEAST: f32 = 1e-18;
+
 /// Makes up for the rounding of the far distances (Ize 2013).
 const SLACK: f32 = 1.0 + 8.0 * f32::EPSILON;
 
@@ -319,9 +324,9 @@ impl Slabs {
     #[inline(always)]
     fn new(rays: &Rays, lane: usize) -> Self {
         let direction = rays.direction.get(lane);
-        // Where a component is 0, a large inverse of its sign does, and makes no NaN.
-        let divisor = |x: f32| if x.abs() < 1e-18 { 1e-18_f32.copysign(x) } else { x };
-        let forward = |x: f32| usize::from(x >= 0.0);
+        let divisor = |x: f32| if x.abs() < LEAST { LEAST.copysign(x) } else { x };
+        // By the sign bit, as in the inverse: −0 goes backward.
+        let forward = |x: f32| usize::from(x.is_sign_positive());
         let far = [forward(direction.x), forward(direction.y), forward(direction.z)];
         Self {
             origin: rays.origin.get(lane),

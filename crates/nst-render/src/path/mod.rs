@@ -24,8 +24,6 @@ use wave::{Paths, Points, Queue};
 
 /// Russian roulette may end a path from this vertex on.
 const ROULETTE_START: u32 = 5;
-/// It lets no path live for ever, not even between white walls.
-const MAX_SURVIVAL: f32 = 0.95;
 /// The dimensions of a sample that belong to the camera.
 const CAMERA_DIMENSIONS: u32 = 2;
 /// A scene with everything that paths need.
@@ -176,7 +174,7 @@ impl Kernel for Trace<'_> {
                     } else {
                         tracer.scatter(points, &draws, &mut direct, next);
                     }
-                    tracer.survive(&draws, next);
+                    scatter::survive(&draws, next);
                     let rays = &direct.lights.rays;
                     let hidden = tracer.accelerator.hides::<V>(rays, stacks);
                     for i in (0..LANES).filter(|&i| rays.tmax[i] >= 0.0 && !hidden[i]) {

@@ -4,7 +4,7 @@
 use glam::{Vec2, Vec3, Vec3A};
 
 use super::{
-    MAX_SURVIVAL, PathTracer,
+    PathTracer,
     wave::{Paths, Points},
 };
 use crate::{
@@ -170,28 +170,94 @@ impl PathTracer<'_> {
         }
     }
 
-    /// Ends paths that carry nothing, and some of the others by Russian roulette.
-    #[inline(always)]
-    pub(super) fn survive(&self, draws: &Draws, next: &mut Paths) {
-        let draw = draws.survival.unwrap_or([0.0; LANES]);
-        for i in 0..LANES {
-            let throughput = next.throughput.get(i);
-            let largest = max(throughput.x, max(throughput.y, throughput.z));
-            let survival = match draws.survival {
-                Some(_) if largest < MAX_SURVIVAL => largest,
-                Some(_) => MAX_SURVIVAL,
-                None => 1.0,
-            };
-            let alive = (largest > 0.0) & (draw[i] < survival);
-            next.rays.tmax[i] = if alive { next.rays.tmax[i] } else { -1.0 };
-            next.throughput.set(i, throughput * (1.0 / survival));
-        }
-    }
-
     /// Where a ray leaves the surface to the side of the normal that `side` tells.
     #[inline(always)]
     fn origin(&self, points: &Points, lane: usize, side: f32) -> Vec3 {
         let normal = points.normal.get(lane) * 1.0_f32.copysign(side);
         offset(points.position.get(lane), normal, self.scale)
+    }
+}
+
+/// The most likely survival of Russian roulette: no path lives for ever, not even
+/// between white walls.
+const MAX_SURVIVAL: f32 = 0.95;
+/// The least likely survival, 2⁻⁸. Random numbers are multiples of 2⁻²⁴, so that a path
+/// really lives with the next larger multiple of its probability: of 10⁻¹², 60,000 times
+/// as often as its weight makes up for. From 2⁻⁸ on, the excess is at most 2⁻¹⁶, which no
+/// pixel can show: with 2³² samples, the most there can be, noise is as large. A higher
+/// floor would do, too, but change more pictures.
+const MIN_SURVIVAL: f32 = 1.0 / 256.0;
+
+/// The probability that a path goes on, in proportion to what it carries.
+#[inline(always)]
+fn survival(throughput: f32) -> f32 {
+    if throughput < MAX_SURVIVAL { max(throughput, MIN_SURVIVAL) } else { MAX_SURVIVAL }
+}
+
+/// Ends paths that carry nothing, and some of the others by Russian roulette.
+#[inline(always)]
+pub(super) fn survive(draws: &Draws, next: &mut Paths) {
+    let draw = draws.survival.unwrap_or([0.0; LANES]);
+    for i in 0..LANES {
+        let throughput = next.throughput.get(i);
+        let largest = max(throughput.x, max(throughput.y, throughput.z));
+        let survival = if draws.survival.is_some() { survival(largest) } else { 1.0 };
+        let alive = (largest > 0.0) & (draw[i] < survival);
+        next.rays.tmax[i] = if alive { next.rays.tmax[i] } else { -1.0 };
+        next.throughput.set(i, throughput * (1.0 / survival));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The mean of what a path carries after Russian roulette, by what it carried before,
+    /// over all numbers that a sampler can draw.
+    fn mean_after_roulette(throughput: f32) -> f64 {
+        const NUMBERS: usize = 1 << 24;
+        let mut draws = Draws {
+            light: [0.0; LANES],
+            on_light: [[0.0; LANES]; 2],
+            lobe: [0.0; LANES],
+            direction: [[0.0; LANES]; 2],
+            survival: None,
+        };
+        let mut sum = 0.0;
+        for first in (0..NUMBERS).step_by(LANES) {
+            draws.survival =
+                Some(std::array::from_fn(|i| (first + i) as f32 * (1.0 / NUMBERS as f32)));
+            let mut paths = Paths::default();
+            for i in 0..LANES {
+                paths.rays.tmax[i] = f32::INFINITY;
+                paths.throughput.set(i, throughput * Vec3::new(0.25, 1.0, 0.5));
+            }
+            survive(&draws, &mut paths);
+            for i in (0..LANES).filter(|&i| paths.rays.tmax[i] >= 0.0) {
+                let carried = paths.throughput.get(i);
+                assert!(carried.y <= f32::max(1.0, throughput / MAX_SURVIVAL) * 1.000_001);
+                sum += f64::from(carried.y);
+            }
+        }
+        sum / NUMBERS as f64 / f64::from(throughput)
+    }
+
+    /// Tolerance: the excess that the floor allows, and f32's rounding.
+    #[test]
+    fn roulette_keeps_what_dark_paths_carry() {
+        for throughput in [1e-30, 1e-12, 1e-6, 0.003, 0.004, 0.017, 0.3, 0.949, 0.96, 3.0] {
+            let mean = mean_after_roulette(throughput);
+            assert!((mean - 1.0).abs() < 1.1 / 65_536.0, "{throughput}: {mean}");
+        }
+    }
+
+    /// Above the floor, and below the ceiling, survivors carry the same as without a floor.
+    #[test]
+    fn the_floor_acts_on_dark_paths_alone() {
+        for throughput in [MIN_SURVIVAL, 0.005, 0.2, 0.94] {
+            assert_eq!(survival(throughput), throughput);
+        }
+        assert_eq!([survival(0.003), survival(0.0)], [MIN_SURVIVAL; 2]);
+        assert_eq!([survival(0.96), survival(7.0)], [MAX_SURVIVAL; 2]);
     }
 }
