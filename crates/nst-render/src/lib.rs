@@ -11,6 +11,7 @@
 mod accelerator;
 mod bsdf;
 mod camera;
+mod color;
 pub mod dataset;
 mod environment;
 mod error;
@@ -21,13 +22,14 @@ pub mod false_color;
 pub mod film;
 mod instructions;
 mod kept;
-mod lanes;
+
 mod light;
 mod load;
 mod material;
 pub mod merge;
 pub mod output;
 pub mod pack;
+mod packet;
 mod path;
 pub mod picture;
 mod render;

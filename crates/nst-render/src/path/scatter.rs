@@ -1,28 +1,28 @@
-//! One step of sixteen paths: light that is scattered towards them, and where
-//! they go on.
+//! One step of a packet of paths: the light that their points scatter towards them,
+//! and where they go on.
 
 use glam::{Vec2, Vec3, Vec3A};
 
 use super::{
-    PathTracer,
+    tracer::PathTracer,
     wave::{Paths, Points},
 };
 use crate::{
     SamplerKind, Scattering,
     accelerator::{NONE, max, offset},
     bsdf::{Frame, lambert},
-    lanes::{LANES, Vec3s},
     light::LightSamples,
+    packet::{PACKET, Vec3s},
 };
 
-/// The random numbers of one vertex of sixteen paths.
+/// The random numbers of one vertex of a packet of paths.
 pub(super) struct Draws {
-    light: [f32; LANES],
-    on_light: [[f32; LANES]; 2],
-    lobe: [f32; LANES],
-    direction: [[f32; LANES]; 2],
+    light: [u64; PACKET],
+    on_light: [[f32; PACKET]; 2],
+    lobe: [f32; PACKET],
+    direction: [[f32; PACKET]; 2],
     /// Where there is Russian roulette.
-    survival: Option<[f32; LANES]>,
+    survival: Option<[f32; PACKET]>,
 }
 
 impl Draws {
@@ -35,7 +35,7 @@ impl Draws {
     pub(super) fn new(points: &Points, kind: SamplerKind, first: u32, roulette: bool) -> Self {
         let streams = &points.streams;
         Self {
-            light: streams.draw_1d(kind, first),
+            light: streams.draw_fine(kind, first),
             on_light: streams.draw_2d(kind, first + 1),
             lobe: streams.draw_1d(kind, first + 3),
             direction: streams.draw_2d(kind, first + 4),
@@ -44,8 +44,8 @@ impl Draws {
     }
 
     #[inline(always)]
-    fn direction(&self, lane: usize) -> Vec2 {
-        Vec2::new(self.direction[0][lane], self.direction[1][lane])
+    fn direction(&self, i: usize) -> Vec2 {
+        Vec2::new(self.direction[0][i], self.direction[1][i])
     }
 }
 
@@ -61,13 +61,13 @@ impl PathTracer<'_> {
     #[inline(always)]
     pub(super) fn lights(&self, points: &Points, draws: &Draws) -> Direct {
         let mut origins = Vec3s::ZERO;
-        for i in 0..LANES {
+        for i in 0..PACKET {
             let normal = points.normal.get(i);
             origins.set(i, self.origin(points, i, points.wo.get(i).dot(normal)));
         }
         let mut lights = LightSamples::NONE;
         self.lights.sample(self.scene, &origins, &draws.light, &draws.on_light, &mut lights);
-        for i in 0..LANES {
+        for i in 0..PACKET {
             let (normal, wo) = (points.normal.get(i), points.wo.get(i));
             // Nothing but a delta distribution lets light through.
             let same_side = lights.wi.get(i).dot(normal) * wo.dot(normal) > 0.0;
@@ -87,7 +87,7 @@ impl PathTracer<'_> {
         next: &mut Paths,
     ) {
         let lights = &mut direct.lights;
-        for i in 0..LANES {
+        for i in 0..PACKET {
             let shading = points.shading.get(i);
             let cos_o = points.wo.get(i).dot(shading);
             let pdf_light = lights.pdf[i];
@@ -97,7 +97,7 @@ impl PathTracer<'_> {
             direct.contribution.set(i, reflected * lights.radiance.get(i) * weight);
             lights.rays.tmax[i] = if pdf > 0.0 { lights.rays.tmax[i] } else { -1.0 };
         }
-        for i in 0..LANES {
+        for i in 0..PACKET {
             let (normal, shading) = (points.normal.get(i), points.shading.get(i));
             let wo = points.wo.get(i);
             let cos_o = wo.dot(shading);
@@ -126,7 +126,7 @@ impl PathTracer<'_> {
         next: &mut Paths,
     ) {
         let lights = &mut direct.lights;
-        for i in (0..LANES).filter(|&i| points.path[i] != NONE) {
+        for i in (0..PACKET).filter(|&i| points.path[i] != NONE) {
             let triangle = &self.scene.triangles[points.triangle[i] as usize];
             let material = triangle.material as usize;
             let (normal, shading) = (Vec3A::from(points.normal.get(i)), points.shading.get(i));
@@ -172,9 +172,9 @@ impl PathTracer<'_> {
 
     /// Where a ray leaves the surface to the side of the normal that `side` tells.
     #[inline(always)]
-    fn origin(&self, points: &Points, lane: usize, side: f32) -> Vec3 {
-        let normal = points.normal.get(lane) * 1.0_f32.copysign(side);
-        offset(points.position.get(lane), normal, self.scale)
+    fn origin(&self, points: &Points, i: usize, side: f32) -> Vec3 {
+        let normal = points.normal.get(i) * 1.0_f32.copysign(side);
+        offset(points.position.get(i), normal, self.scale)
     }
 }
 
@@ -197,8 +197,8 @@ fn survival(throughput: f32) -> f32 {
 /// Ends paths that carry nothing, and some of the others by Russian roulette.
 #[inline(always)]
 pub(super) fn survive(draws: &Draws, next: &mut Paths) {
-    let draw = draws.survival.unwrap_or([0.0; LANES]);
-    for i in 0..LANES {
+    let draw = draws.survival.unwrap_or([0.0; PACKET]);
+    for i in 0..PACKET {
         let throughput = next.throughput.get(i);
         let largest = max(throughput.x, max(throughput.y, throughput.z));
         let survival = if draws.survival.is_some() { survival(largest) } else { 1.0 };
@@ -217,23 +217,23 @@ mod tests {
     fn mean_after_roulette(throughput: f32) -> f64 {
         const NUMBERS: usize = 1 << 24;
         let mut draws = Draws {
-            light: [0.0; LANES],
-            on_light: [[0.0; LANES]; 2],
-            lobe: [0.0; LANES],
-            direction: [[0.0; LANES]; 2],
+            light: [0; PACKET],
+            on_light: [[0.0; PACKET]; 2],
+            lobe: [0.0; PACKET],
+            direction: [[0.0; PACKET]; 2],
             survival: None,
         };
         let mut sum = 0.0;
-        for first in (0..NUMBERS).step_by(LANES) {
+        for first in (0..NUMBERS).step_by(PACKET) {
             draws.survival =
                 Some(std::array::from_fn(|i| (first + i) as f32 * (1.0 / NUMBERS as f32)));
             let mut paths = Paths::default();
-            for i in 0..LANES {
+            for i in 0..PACKET {
                 paths.rays.tmax[i] = f32::INFINITY;
                 paths.throughput.set(i, throughput * Vec3::new(0.25, 1.0, 0.5));
             }
             survive(&draws, &mut paths);
-            for i in (0..LANES).filter(|&i| paths.rays.tmax[i] >= 0.0) {
+            for i in (0..PACKET).filter(|&i| paths.rays.tmax[i] >= 0.0) {
                 let carried = paths.throughput.get(i);
                 assert!(carried.y <= f32::max(1.0, throughput / MAX_SURVIVAL) * 1.000_001);
                 sum += f64::from(carried.y);
