@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3A};
 
-use crate::{Environment, Texture, light::luminance};
+use crate::{Environment, Texture, color::luminance};
 
 /// An image environment with its sampling tables. A uniform environment has
 /// none: sampling the BSDF matches it exactly.

@@ -10,15 +10,16 @@
 mod accelerator;
 mod bsdf;
 mod camera;
+mod color;
 mod environment;
 mod error;
 mod film;
 mod instructions;
-mod lanes;
 mod light;
 mod load;
 mod material;
 mod memory;
+mod packet;
 mod path;
 mod render;
 mod sampler;

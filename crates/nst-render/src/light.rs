@@ -1,18 +1,22 @@
 //! What next-event estimation aims at: emitting triangles, chosen in proportion
 //! to their power, and the environment where it is an image.
 
+mod choice;
+
 use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3, Vec3A};
 
 use crate::{
-    Scene, Triangle,
+    Material, Scene, Triangle,
     accelerator::{Rays, offset},
+    color::luminance,
     environment::EnvironmentSampler,
-    lanes::{LANES, Vec3s},
+    packet::{PACKET, Vec3s},
 };
+use choice::Choice;
 
-/// Directions from sixteen points towards lights.
+/// Directions from a packet of points towards lights.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct LightSamples {
@@ -24,144 +28,115 @@ pub(crate) struct LightSamples {
     pub(crate) radiance: Vec3s,
     /// Probability density with respect to solid angle; 0 if there is no light,
     /// or if the chosen one is seen edge-on.
-    pub(crate) pdf: [f32; LANES],
+    pub(crate) pdf: [f32; PACKET],
 }
 
 impl LightSamples {
     pub(crate) const NONE: Self =
-        Self { rays: Rays::NONE, wi: Vec3s::ZERO, radiance: Vec3s::ZERO, pdf: [0.0; LANES] };
+        Self { rays: Rays::NONE, wi: Vec3s::ZERO, radiance: Vec3s::ZERO, pdf: [0.0; PACKET] };
 }
 
 /// An emitting triangle, with what a sample of it needs side by side.
 struct Emitter {
     /// Index into [`Scene::triangles`].
     triangle: u32,
-    /// The probability of this or an earlier emitter; 1 for the last.
-    cumulative: f32,
     corner: Vec3,
     edges: [Vec3; 2],
     /// Unit geometric normal.
     normal: Vec3,
+    /// The density, with respect to area, of each of its points among samples.
     pdf_area: f32,
     /// Without its texture.
     radiance: Vec3,
     textured: bool,
 }
 
-/// Points of emitters.
+impl Emitter {
+    /// `probability`: that of choosing this triangle.
+    fn new(scene: &Scene, index: u32, probability: f64) -> Self {
+        let triangle = &scene.triangles[index as usize];
+        let material = &scene.materials[triangle.material as usize];
+        let [a, b, c] = triangle.positions;
+        Self {
+            triangle: index,
+            corner: a.into(),
+            edges: [(b - a).into(), (c - a).into()],
+            normal: triangle.area_vector().normalize().into(),
+            pdf_area: (probability / area(triangle)) as f32,
+            radiance: material.emission.into(),
+            textured: material.emission_texture.is_some(),
+        }
+    }
+}
+
+/// A packet of points of emitters.
 #[repr(C, align(64))]
 struct ChosenEmitters {
     point: Vec3s,
     normal: Vec3s,
-    pdf_area: [f32; LANES],
+    pdf_area: [f32; PACKET],
 }
 
 impl ChosenEmitters {
-    const ZERO: Self = Self { point: Vec3s::ZERO, normal: Vec3s::ZERO, pdf_area: [0.0; LANES] };
+    const ZERO: Self = Self { point: Vec3s::ZERO, normal: Vec3s::ZERO, pdf_area: [0.0; PACKET] };
 }
 
 /// The lights of a scene.
 pub(crate) struct Lights {
     emitters: Vec<Emitter>,
-    /// By material: the density with respect to area of a point of a triangle,
-    /// whose probability is proportional to its area times its mean luminance.
-    pdf_area: Vec<f32>,
     environment: Option<EnvironmentSampler>,
+    choice: Choice,
     /// The probability of choosing the environment.
     environment_share: f32,
     /// [`Scene::scale`], for [`offset`].
     scale: f32,
 }
 
-/// The environment's share of the samples where there are other lights too.
+/// The environment's share of the samples where there are other lights too: neither may
+/// starve, as powers say nothing of what a point can see.
 const ENVIRONMENT_SHARE: std::ops::RangeInclusive<f32> = 0.1..=0.9;
-
-/// Luminance of linear sRGB (ITU-R BT.709).
-pub(crate) fn luminance(rgb: Vec3A) -> f32 {
-    rgb.dot(Vec3A::new(0.2126, 0.7152, 0.0722))
-}
 
 impl Lights {
     pub(crate) fn new(scene: &Scene) -> Self {
-        let mean_luminance: Vec<f64> = scene
-            .materials
-            .iter()
-            .map(|material| {
-                let texels =
-                    material.emission_texture.as_ref().map_or(&[[1.0; 3]][..], |t| t.texels());
-                let emission = |&texel: &[f32; 3]| {
-                    f64::from(luminance(material.emission * Vec3A::from(texel)))
-                };
-                texels.iter().map(emission).sum::<f64>() / texels.len() as f64
-            })
-            .collect();
-        let emitters: Vec<(u32, f64)> = (0..)
-            .zip(&scene.triangles)
-            .filter_map(|(index, triangle)| {
-                let luminance = mean_luminance[triangle.material as usize];
-                let area = f64::from(triangle.area_vector().length()) / 2.0;
-                (luminance > 0.0).then_some((index, area * luminance))
-            })
-            .collect();
-        let total: f64 = emitters.iter().map(|&(_, power)| power).sum();
-
+        let powers = powers(scene);
+        let total = powers.iter().map(|&(_, power)| power).sum();
         let environment = scene.environment.image.as_deref().map(EnvironmentSampler::new);
-        let (low, high) = scene.bounds();
-        let environment_share = environment.as_ref().map_or(0.0, |environment| {
-            // Power into the bounding sphere, π r² · 4π L̄, beside 2π A L of two-sided lights.
-            let radiance = luminance(scene.environment.radiance) * environment.mean_luminance();
-            let power = PI * (high - low).length_squared() / 4.0 * 4.0 * PI * radiance;
-            let others = 2.0 * PI * total as f32;
-            if others == 0.0 {
-                return 1.0;
-            }
-            (power / (power + others)).clamp(*ENVIRONMENT_SHARE.start(), *ENVIRONMENT_SHARE.end())
-        });
-        let of_triangles = f64::from(1.0 - environment_share);
-        let density = |luminance: &f64| {
-            if total > 0.0 { (of_triangles * luminance / total) as f32 } else { 0.0 }
-        };
-        let pdf_area: Vec<f32> = mean_luminance.iter().map(density).collect();
-        let mut cumulative = 0.0;
-        let emitters = emitters
-            .into_iter()
-            .map(|(index, power)| {
-                cumulative += power;
-                let triangle = &scene.triangles[index as usize];
-                let material = &scene.materials[triangle.material as usize];
-                let [a, b, c] = triangle.positions;
-                Emitter {
-                    triangle: index,
-                    cumulative: (cumulative / total) as f32,
-                    corner: a.into(),
-                    edges: [(b - a).into(), (c - a).into()],
-                    normal: triangle.area_vector().normalize().into(),
-                    pdf_area: pdf_area[triangle.material as usize],
-                    radiance: material.emission.into(),
-                    textured: material.emission_texture.is_some(),
-                }
-            })
+        let share =
+            environment.as_ref().map_or(0.0, |sampler| environment_share(scene, sampler, total));
+        let choice = Choice::new(share, powers.iter().map(|&(_, power)| power));
+        let emitters = powers
+            .iter()
+            .zip(choice.probabilities())
+            .map(|(&(triangle, _), probability)| Emitter::new(scene, triangle, probability))
             .collect();
-        Self { emitters, pdf_area, environment, environment_share, scale: scene.scale() }
+        let environment_share = choice.environment() as f32;
+        Self { emitters, environment, choice, environment_share, scale: scene.scale() }
     }
 
-    /// Chooses a light for each point with `pick`, and a point of it with `u`.
+    /// The emitting triangles, as indices into [`Scene::triangles`], each with the density,
+    /// with respect to area, with which [`Self::sample`] finds its points.
+    pub(crate) fn densities(&self) -> impl Iterator<Item = (u32, f32)> {
+        self.emitters.iter().map(|emitter| (emitter.triangle, emitter.pdf_area))
+    }
+
+    /// Chooses a light for each point with `pick`, numbers of [`crate::sampler::FINE_BITS`] bits, and a
+    /// point of it with `u`.
     #[inline(always)]
     pub(crate) fn sample(
         &self,
         scene: &Scene,
         from: &Vec3s,
-        pick: &[f32; LANES],
-        u: &[[f32; LANES]; 2],
+        pick: &[u64; PACKET],
+        u: &[[f32; PACKET]; 2],
         samples: &mut LightSamples,
     ) {
         samples.rays.origin = *from;
-        samples.pdf = [0.0; LANES];
+        samples.pdf = [0.0; PACKET];
         if !self.emitters.is_empty() {
             self.sample_emitters(scene, pick, u, samples);
         }
         if let Some(environment) = &self.environment {
-            for i in (0..LANES).filter(|&i| pick[i] < self.environment_share) {
+            for i in (0..PACKET).filter(|&i| self.choice.is_environment(pick[i])) {
                 samples.pdf[i] = 0.0;
                 if let Some((wi, pdf)) = environment.sample(Vec2::new(u[0][i], u[1][i])) {
                     samples.wi.set(i, wi.into());
@@ -178,18 +153,14 @@ impl Lights {
     fn sample_emitters(
         &self,
         scene: &Scene,
-        pick: &[f32; LANES],
-        u: &[[f32; LANES]; 2],
+        pick: &[u64; PACKET],
+        u: &[[f32; PACKET]; 2],
         samples: &mut LightSamples,
     ) {
-        // What is looked up lane by lane, for the loop without branches below.
+        // What is looked up one by one, for the loop without branches below.
         let mut chosen = ChosenEmitters::ZERO;
-        let scale = 1.0 / (1.0 - self.environment_share);
-        for i in 0..LANES {
-            let pick = (pick[i] - self.environment_share) * scale;
-            let last = self.emitters.len() - 1;
-            let emitter =
-                &self.emitters[self.emitters.partition_point(|e| e.cumulative <= pick).min(last)];
+        for i in 0..PACKET {
+            let emitter = &self.emitters[self.choice.emitter(pick[i])];
             // Uniform on the triangle: fold the square's upper half onto the lower.
             let u = Vec2::new(u[0][i], u[1][i]);
             let barycentric = if u.x + u.y > 1.0 { 1.0 - u } else { u };
@@ -204,7 +175,7 @@ impl Lights {
             };
             samples.radiance.set(i, radiance);
         }
-        for i in 0..LANES {
+        for i in 0..PACKET {
             let (from, point) = (samples.rays.origin.get(i), chosen.point.get(i));
             let normal = chosen.normal.get(i);
             let to_light = point - from;
@@ -216,19 +187,58 @@ impl Lights {
             samples.wi.set(i, wi);
             samples.rays.direction.set(i, target - from);
             samples.rays.tmax[i] = 1.0;
-            // Not so for a NaN, at distance 0.
+            // A NaN, at distance 0, becomes 0 as well.
             samples.pdf[i] = if (pdf > 0.0) & (pdf < f32::INFINITY) { pdf } else { 0.0 };
         }
-    }
-
-    /// The density, with respect to solid angle, with which [`Self::sample`] finds
-    /// a point of this triangle, seen at a distance under the cosine of an angle.
-    pub(crate) fn pdf_hit(&self, triangle: &Triangle, distance: f32, cosine: f32) -> f32 {
-        self.pdf_area[triangle.material as usize] * distance * distance / cosine.abs()
     }
 
     /// The density, with respect to solid angle, of a direction to the environment.
     pub(crate) fn pdf_escape(&self, direction: Vec3A) -> f32 {
         self.environment.as_ref().map_or(0.0, |e| e.pdf(direction) * self.environment_share)
     }
+}
+
+/// The density, with respect to solid angle, of a point that has the density `pdf_area`
+/// with respect to area, seen at a distance under the cosine of an angle.
+#[inline(always)]
+pub(crate) fn pdf_solid_angle(pdf_area: f32, distance: f32, cosine: f32) -> f32 {
+    pdf_area * distance * distance / cosine.abs()
+}
+
+/// The emitting triangles, as indices into [`Scene::triangles`], each with its power up to
+/// a factor that all have in common: its area times its mean luminance.
+fn powers(scene: &Scene) -> Vec<(u32, f64)> {
+    let luminances: Vec<f64> = scene.materials.iter().map(mean_luminance).collect();
+    (0..)
+        .zip(&scene.triangles)
+        .filter_map(|(index, triangle)| {
+            let luminance = luminances[triangle.material as usize];
+            (luminance > 0.0).then_some((index, area(triangle) * luminance))
+        })
+        .collect()
+}
+
+/// The luminance that a material emits, the mean over its texture.
+fn mean_luminance(material: &Material) -> f64 {
+    let texels = material.emission_texture.as_ref().map_or(&[[1.0; 3]][..], |t| t.texels());
+    let emission = |&texel: &[f32; 3]| f64::from(luminance(material.emission * Vec3A::from(texel)));
+    texels.iter().map(emission).sum::<f64>() / texels.len() as f64
+}
+
+fn area(triangle: &Triangle) -> f64 {
+    f64::from(triangle.area_vector().length()) / 2.0
+}
+
+/// The probability of choosing the environment, beside emitters whose powers sum up to
+/// `total`.
+fn environment_share(scene: &Scene, environment: &EnvironmentSampler, total: f64) -> f32 {
+    if total == 0.0 {
+        return 1.0;
+    }
+    let (low, high) = scene.bounds();
+    // Power into the bounding sphere, π r² · 4π L̄, beside 2π A L of two-sided lights.
+    let radiance = luminance(scene.environment.radiance) * environment.mean_luminance();
+    let power = PI * (high - low).length_squared() / 4.0 * 4.0 * PI * radiance;
+    let others = 2.0 * PI * total as f32;
+    (power / (power + others)).clamp(*ENVIRONMENT_SHARE.start(), *ENVIRONMENT_SHARE.end())
 }

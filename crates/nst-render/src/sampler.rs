@@ -1,10 +1,12 @@
 //! Random numbers as pure functions of (seed, pixel, sample index, dimension).
 
 mod halton;
+mod hash;
 
 use glam::Vec2;
 
-use crate::lanes::LANES;
+use crate::packet::PACKET;
+use hash::{GAMMA, bits, first, mix, pair};
 
 /// Which numbers a rendering draws.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -74,7 +76,7 @@ impl SampleStream {
         let dimension = self.dimension;
         self.dimension += 1;
         match self.kind {
-            SamplerKind::Random => unit((bits(self.key, dimension) >> 40) as u32),
+            SamplerKind::Random => first(bits(self.key, dimension)),
             SamplerKind::Halton => halton(self.key, self.index, dimension),
         }
     }
@@ -94,42 +96,65 @@ impl SampleStream {
     }
 }
 
-/// The numbers of sixteen samples, drawn together.
+/// Bits of the numbers of [`Streams::draw_fine`].
+pub(crate) const FINE_BITS: u32 = 48;
+
+/// The streams of a packet of samples, drawn from together.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Streams {
-    key: [u64; LANES],
-    index: [u32; LANES],
+    key: [u64; PACKET],
+    index: [u32; PACKET],
 }
 
 impl Streams {
-    pub(crate) const ZERO: Self = Self { key: [0; LANES], index: [0; LANES] };
+    pub(crate) const ZERO: Self = Self { key: [0; PACKET], index: [0; PACKET] };
 
     #[inline(always)]
-    pub(crate) fn set(&mut self, lane: usize, stream: &SampleStream) {
-        self.key[lane] = stream.key;
-        self.index[lane] = stream.index;
+    pub(crate) fn set(&mut self, i: usize, stream: &SampleStream) {
+        self.key[i] = stream.key;
+        self.index[i] = stream.index;
     }
 
     #[inline(always)]
-    pub(crate) fn copy(&mut self, lane: usize, other: &Self, from: usize) {
-        self.key[lane] = other.key[from];
-        self.index[lane] = other.index[from];
+    pub(crate) fn copy(&mut self, i: usize, other: &Self, from: usize) {
+        self.key[i] = other.key[from];
+        self.index[i] = other.index[from];
     }
 
     /// A dimension of each sample.
     #[inline(always)]
-    pub(crate) fn draw_1d(&self, kind: SamplerKind, dimension: u32) -> [f32; LANES] {
-        let mut values = [0.0; LANES];
+    pub(crate) fn draw_1d(&self, kind: SamplerKind, dimension: u32) -> [f32; PACKET] {
+        let mut values = [0.0; PACKET];
         match kind {
             SamplerKind::Random => {
-                for i in 0..LANES {
-                    values[i] = unit((bits(self.key[i], dimension) >> 40) as u32);
+                for i in 0..PACKET {
+                    values[i] = first(bits(self.key[i], dimension));
                 }
             }
             SamplerKind::Halton => {
-                for i in 0..LANES {
+                for i in 0..PACKET {
                     values[i] = halton(self.key[i], self.index[i], dimension);
+                }
+            }
+        }
+        values
+    }
+
+    /// A dimension of each sample with twice as many digits, as a number of [`FINE_BITS`]
+    /// bits: the first 24 are those of [`Self::draw_1d`].
+    #[inline(always)]
+    pub(crate) fn draw_fine(&self, kind: SamplerKind, dimension: u32) -> [u64; PACKET] {
+        let mut values = [0; PACKET];
+        match kind {
+            SamplerKind::Random => {
+                for i in 0..PACKET {
+                    values[i] = bits(self.key[i], dimension) >> (64 - FINE_BITS);
+                }
+            }
+            SamplerKind::Halton => {
+                for i in 0..PACKET {
+                    values[i] = fine_halton(self.key[i], self.index[i], dimension);
                 }
             }
         }
@@ -138,11 +163,11 @@ impl Streams {
 
     /// A dimension of each sample and the next one.
     #[inline(always)]
-    pub(crate) fn draw_2d(&self, kind: SamplerKind, dimension: u32) -> [[f32; LANES]; 2] {
+    pub(crate) fn draw_2d(&self, kind: SamplerKind, dimension: u32) -> [[f32; PACKET]; 2] {
         match kind {
             SamplerKind::Random => {
-                let [mut x, mut y] = [[0.0; LANES]; 2];
-                for i in 0..LANES {
+                let [mut x, mut y] = [[0.0; PACKET]; 2];
+                for i in 0..PACKET {
                     let u = pair(bits(self.key[i], dimension));
                     x[i] = u.x;
                     y[i] = u.y;
@@ -156,43 +181,25 @@ impl Streams {
     }
 }
 
-/// 64 random bits for one dimension: SplitMix64 (Steele, Lea, Flood 2014) with
-/// direct access to its sequence.
-#[inline(always)]
-fn bits(key: u64, dimension: u32) -> u64 {
-    mix(key.wrapping_add(GAMMA.wrapping_mul(u64::from(dimension) + 1)))
-}
-
-/// Two numbers out of 64 bits.
-#[inline(always)]
-fn pair(bits: u64) -> Vec2 {
-    Vec2::new(unit((bits >> 40) as u32), unit((bits >> 16) as u32 & 0xff_ffff))
-}
-
+/// A dimension of sample `index` of Halton's sequence, scrambled by `key`.
 #[cold]
 fn halton(key: u64, index: u32, dimension: u32) -> f32 {
     let key = bits(key, dimension);
     match halton::PRIMES.get(dimension as usize) {
         Some(&base) => halton::scrambled_radical_inverse(index, base, key),
-        // So deep in a path, points of so few samples are as good as random.
-        None => unit((mix(key ^ u64::from(index)) >> 40) as u32),
+        // In larger bases, far fewer samples than base² are no more even than random ones.
+        None => first(mix(key ^ u64::from(index))),
     }
 }
 
-/// 2⁶⁴ divided by the golden ratio, made odd.
-const GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
-
-#[inline(always)]
-fn mix(mut z: u64) -> u64 {
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
-}
-
-/// Maps 24 bits to [0, 1), exactly.
-#[inline(always)]
-fn unit(bits: u32) -> f32 {
-    bits as f32 * (1.0 / 16_777_216.0)
+/// [`halton`] with [`FINE_BITS`] bits. The further digits are random: below 2⁻²⁴, the
+/// scrambled digits of any number of samples are no better.
+#[cold]
+fn fine_halton(key: u64, index: u32, dimension: u32) -> u64 {
+    let first = (halton(key, index, dimension) * 16_777_216.0) as u64;
+    // The complement: scrambling hashes the same key with small numbers.
+    let more = mix(!bits(key, dimension) ^ u64::from(index)) >> 40;
+    first << 24 | more
 }
 
 #[cfg(test)]
@@ -252,5 +259,36 @@ mod tests {
         assert!(chi2(|i| (first(i), first(i + 1))) < 347.7);
         // The test must see numbers that are not independent.
         assert!(chi2(|i| (first(i), first(i))) > 347.7);
+    }
+
+    /// Both halves of numbers with many digits: the first is the number with fewer, and
+    /// the second is uniform and independent of it, of its neighbours, and of the next
+    /// dimension.
+    #[test]
+    fn fine_numbers_are_finer_than_others_and_uniform() {
+        for kind in KINDS {
+            let sampler = Sampler::new(kind, 3);
+            let fine = |pixel, index, dimension| {
+                let mut streams = Streams::ZERO;
+                streams.set(5, &sampler.stream(pixel, index));
+                let number = streams.draw_fine(kind, dimension)[5];
+                assert_eq!(first(number << 16), streams.draw_1d(kind, dimension)[5]);
+                first(number << 40)
+            };
+            let number = |index, dimension| {
+                let mut streams = Streams::ZERO;
+                streams.set(0, &sampler.stream(9, index));
+                streams.draw_1d(kind, dimension)[0]
+            };
+            let tests = [
+                chi2(|i| (fine(9, i, 2), number(i, 2))),
+                chi2(|i| (fine(9, i, 2), number(i, 3))),
+                chi2(|i| (fine(9, i, 2), fine(9, i + 1, 2))),
+                chi2(|i| (fine(i, 0, 2), fine(i + 1, 0, 2))),
+                chi2(|i| (fine(9, i, 2), fine(9, i, 8))),
+                chi2(|i| (fine(9, i, 100), fine(9, i, 101))),
+            ];
+            assert!(tests.iter().all(|&value| value < 347.7), "{kind:?}: {tests:?}");
+        }
     }
 }

@@ -1,20 +1,20 @@
-//! A few triangles, all of them tested against sixteen rays at once: faster than
-//! a tree while there are no more than [`MAX_LENGTH`]. Two triangles that make a
-//! plane quadrilateral are tested as one face, for little more than one of them.
+//! A few triangles, all of them tested against a packet of rays: faster than a tree
+//! up to [`MAX_LENGTH`]. Two triangles that make a plane quadrilateral are tested as
+//! one face, which takes little longer than one triangle.
 
 use glam::{Vec3, Vec3A};
 
-use super::{Hits, NONE, Rays};
+use super::rays::{Hits, NONE, Rays};
 use crate::{
     instructions::{Floats, Vec3x, Vectors},
-    lanes::LANES,
+    packet::PACKET,
 };
 
-/// Where a tree begins to be faster.
+/// The longest list that is faster than a tree, by measurement.
 pub(super) const MAX_LENGTH: usize = 64;
 
 /// How far the fourth corner of a face may be off the plane of the others, relative
-/// to the face's extent: the rounding of corners in f32.
+/// to the face's extent: a few roundings of the corners' coordinates in f32.
 const PLANE_TOLERANCE: f64 = 4.0 * f32::EPSILON as f64;
 
 /// All triangles, in the order of the scene.
@@ -27,7 +27,7 @@ struct Face {
     edges: [Vec3; 3],
     /// (b − a) × (c − a)
     normal: Vec3,
-    /// The area of the first triangle by that of the second; NaN if there is none.
+    /// The area of the first triangle divided by that of the second; NaN if there is none.
     ratio: f32,
     /// The first triangle's index; the second's is the next one.
     triangle: u32,
@@ -58,19 +58,20 @@ impl List {
     }
 
     #[inline(always)]
-    pub(super) fn nearest<V: Vectors>(&self, rays: &Rays, hits: &mut Hits) {
-        for first in (0..LANES).step_by(V::Lanes::WIDTH) {
-            let origin = rays.origin.load::<V::Lanes>(first);
-            let direction = rays.direction.load::<V::Lanes>(first);
+    pub(super) fn nearest<V: Vectors>(&self, vectors: V, rays: &Rays, hits: &mut Hits) {
+        let proof = vectors.wide();
+        for first in (0..PACKET).step_by(V::Wide::WIDTH) {
+            let origin = rays.origin.load::<V::Wide>(proof, first);
+            let direction = rays.direction.load::<V::Wide>(proof, first);
             let mut nearest = Meeting {
-                t: Floats::load(&rays.tmax[first..]),
-                u: Floats::splat(0.0),
-                v: Floats::splat(0.0),
-                triangle: Floats::splat(f32::from_bits(NONE)),
+                t: Floats::load(proof, &rays.tmax[first..]),
+                u: Floats::splat(proof, 0.0),
+                v: Floats::splat(proof, 0.0),
+                triangle: Floats::splat(proof, f32::from_bits(NONE)),
             };
             for face in &self.0 {
-                let met = face.meet(origin, direction);
-                nearest = Meeting::select(met.is_within(nearest.t), met, nearest);
+                let met = face.meet(proof, origin, direction);
+                nearest = Meeting::select(met.is_within(proof, nearest.t), met, nearest);
             }
             nearest.t.store(&mut hits.t[first..]);
             nearest.u.store(&mut hits.u[first..]);
@@ -80,17 +81,18 @@ impl List {
     }
 
     #[inline(always)]
-    pub(super) fn hides<V: Vectors>(&self, rays: &Rays) -> [bool; LANES] {
-        let mut hidden = [false; LANES];
-        for first in (0..LANES).step_by(V::Lanes::WIDTH) {
-            let origin = rays.origin.load::<V::Lanes>(first);
-            let direction = rays.direction.load::<V::Lanes>(first);
-            let tmax = Floats::load(&rays.tmax[first..]);
+    pub(super) fn hides<V: Vectors>(&self, vectors: V, rays: &Rays) -> [bool; PACKET] {
+        let proof = vectors.wide();
+        let mut hidden = [false; PACKET];
+        for first in (0..PACKET).step_by(V::Wide::WIDTH) {
+            let origin = rays.origin.load::<V::Wide>(proof, first);
+            let direction = rays.direction.load::<V::Wide>(proof, first);
+            let tmax = Floats::load(proof, &rays.tmax[first..]);
             let mut hit = 0;
             for face in &self.0 {
-                hit |= V::Lanes::bits(face.meet(origin, direction).is_within(tmax));
+                hit |= V::Wide::bits(face.meet(proof, origin, direction).is_within(proof, tmax));
             }
-            for i in 0..V::Lanes::WIDTH {
+            for i in 0..V::Wide::WIDTH {
                 hidden[first + i] = hit >> i & 1 != 0;
             }
         }
@@ -99,7 +101,7 @@ impl List {
 }
 
 impl Face {
-    /// Takes in the second triangle if it fits the first one.
+    /// A face of the first triangle, and of the second if both make a plane quadrilateral.
     fn new(triangle: u32, first: &[Vec3A; 3], second: Option<&[Vec3A; 3]>) -> Self {
         let &[a, b, c] = first;
         let (d, ratio) = second
@@ -110,18 +112,24 @@ impl Face {
         Self { a: a.into(), edges, normal: edges[0].cross(edges[1]), ratio, triangle }
     }
 
-    /// Möller and Trumbore (1997), with the normal at hand; NaN for a ray within the plane.
+    /// Möller and Trumbore (1997), with a normal that is computed in advance; NaN for a
+    /// ray within the plane.
     #[inline(always)]
-    fn meet<F: Floats>(&self, origin: Vec3x<F>, direction: Vec3x<F>) -> Meeting<F> {
-        let to_a = Vec3x::splat(self.a) - origin;
-        let normal = Vec3x::splat(self.normal);
-        let inverse = F::splat(1.0) / normal.dot(direction);
+    fn meet<F: Floats>(
+        &self,
+        proof: F::Proof,
+        origin: Vec3x<F>,
+        direction: Vec3x<F>,
+    ) -> Meeting<F> {
+        let to_a = Vec3x::splat(proof, self.a) - origin;
+        let normal = Vec3x::splat(proof, self.normal);
+        let inverse = F::splat(proof, 1.0) / normal.dot(direction);
         let r = to_a.cross(direction);
-        let [b, c, d] = self.edges.map(|edge| r.dot(Vec3x::splat(edge)) * inverse);
+        let [b, c, d] = self.edges.map(|edge| r.dot(Vec3x::splat(proof, edge)) * inverse);
         // The diagonal from a to c divides the plane.
-        let first = F::splat(0.0).at_most(c);
-        let ratio = F::splat(self.ratio);
-        let index = |triangle| F::splat(f32::from_bits(triangle));
+        let first = F::splat(proof, 0.0).at_most(c);
+        let ratio = F::splat(proof, self.ratio);
+        let index = |triangle| F::splat(proof, f32::from_bits(triangle));
         Meeting {
             t: normal.dot(to_a) * inverse,
             u: F::select(first, c, d * ratio),
@@ -132,11 +140,11 @@ impl Face {
 }
 
 impl<F: Floats> Meeting<F> {
-    /// Where they are in the triangle, and on the ray; not where they are NaN.
+    /// Where the meeting is in the triangle and on the ray; not where it is NaN.
     #[inline(always)]
-    fn is_within(&self, tmax: F) -> F::Mask {
+    fn is_within(&self, proof: F::Proof, tmax: F) -> F::Mask {
         let &Self { t, u, v, .. } = self;
-        let (zero, one) = (F::splat(0.0), F::splat(1.0));
+        let (zero, one) = (F::splat(proof, 0.0), F::splat(proof, 1.0));
         zero.at_most(u) & zero.at_most(v) & (u + v).at_most(one) & zero.at_most(t) & t.less(tmax)
     }
 
@@ -151,7 +159,7 @@ impl<F: Floats> Meeting<F> {
     }
 }
 
-/// The area of the triangle a, b, c by that of a, c, d, if both are in one plane
+/// The area of the triangle a, b, c divided by that of a, c, d, if both are in one plane
 /// and on different sides of a, c.
 fn ratio(a: Vec3A, b: Vec3A, c: Vec3A, d: Vec3A) -> Option<f32> {
     let [b, c, d] = [b, c, d].map(|corner| (corner - a).as_dvec3());

@@ -1,19 +1,19 @@
-//! Traversal of an eight-wide compressed BVH (Ylitie, Karras, Laine 2017),
-//! sixteen rays in turns: each waits for its node from memory, and for the
-//! outcome of its tests, while the others work.
+//! Traversal of an eight-wide compressed BVH (Ylitie, Karras, Laine 2017) by a packet
+//! of rays in turns: while one waits for its node from memory, or for the outcome of
+//! its tests, the others work.
 
 use glam::{Vec3, Vec3A};
 use obvhs::cwbvh::{CwBvh, node::CwBvhNode};
 
-use super::{Hits, Rays};
+use super::rays::{Hits, NONE, Rays};
 use crate::{
     instructions::{Boxes, Floats, Vec3x, Vectors},
-    lanes::LANES,
+    packet::PACKET,
 };
 
-/// How many boxes, and how many triangles, are tested at once.
+/// How many boxes, and how many triangles, are tested at once: a node's children.
 const WIDTH: usize = 8;
-/// A node's triangles fill up to so many blocks.
+/// The most blocks that a node's triangles fill: eight leaves of up to three triangles.
 const MAX_BLOCKS: usize = 3;
 
 /// The nodes of a tree, and the triangles of their leaves.
@@ -23,8 +23,8 @@ pub(crate) struct Tree {
     blocks: Vec<Block>,
 }
 
-/// Eight boxes, on a grid of 256³ steps. Which box is in which slot tells, for
-/// each octant of directions, in which order rays are likely to meet them.
+/// Eight boxes, on a grid of 256³ steps. obvhs sorts them into slots so that a ray is
+/// likely to meet the box of slot `s` as number `s ^ octant`.
 #[repr(align(64))]
 struct Node {
     origin: Vec3,
@@ -42,7 +42,7 @@ struct Node {
 }
 
 /// Eight triangles, coordinate by coordinate: a corner and the edges from there.
-/// Slots that are left over hold a point, which no ray hits.
+/// Slots that are left over contain a point, which no ray hits.
 #[repr(align(64))]
 struct Block {
     corner: [[f32; WIDTH]; 3],
@@ -51,7 +51,7 @@ struct Block {
 }
 
 impl Tree {
-    /// Takes obvhs' tree and the corners of the triangles it was built from.
+    /// A tree like `bvh`, which was built from the triangles with these corners.
     pub(super) fn new(bvh: &CwBvh, corners: &[[Vec3A; 3]]) -> Self {
         let mut blocks = Vec::new();
         let nodes = bvh.nodes.iter().map(|node| {
@@ -76,42 +76,54 @@ impl Tree {
     }
 
     #[inline(always)]
-    pub(super) fn nearest<V: Vectors>(&self, rays: &Rays, stacks: &mut Stacks, hits: &mut Hits) {
-        *hits = Hits { t: rays.tmax, ..Hits::MISSED };
-        self.traverse::<V, false>(rays, stacks, hits);
-    }
-
-    #[inline(always)]
-    pub(super) fn hides<V: Vectors>(&self, rays: &Rays, stacks: &mut Stacks) -> [bool; LANES] {
-        let mut hits = Hits { t: rays.tmax, ..Hits::MISSED };
-        self.traverse::<V, true>(rays, stacks, &mut hits);
-        hits.triangle.map(|triangle| triangle != super::NONE)
-    }
-
-    /// Finds the nearest hits, or with `ANY` the first that turn up.
-    #[inline(always)]
-    fn traverse<V: Vectors, const ANY: bool>(
+    pub(super) fn nearest<V: Vectors>(
         &self,
+        vectors: V,
         rays: &Rays,
         stacks: &mut Stacks,
         hits: &mut Hits,
     ) {
-        let mut slabs = [Slabs::NONE; LANES];
-        let mut visits = [Visit::ROOT; LANES];
-        let mut boxes = [0_u32; LANES];
-        let mut active = [0_usize; LANES];
+        *hits = Hits { t: rays.tmax, ..Hits::MISSED };
+        self.traverse::<V, false>(vectors, rays, stacks, hits);
+    }
+
+    #[inline(always)]
+    pub(super) fn hides<V: Vectors>(
+        &self,
+        vectors: V,
+        rays: &Rays,
+        stacks: &mut Stacks,
+    ) -> [bool; PACKET] {
+        let mut hits = Hits { t: rays.tmax, ..Hits::MISSED };
+        self.traverse::<V, true>(vectors, rays, stacks, &mut hits);
+        hits.triangle.map(|triangle| triangle != NONE)
+    }
+
+    /// Finds the nearest hit of each ray, or with `ANY` the first that is found.
+    #[inline(always)]
+    fn traverse<V: Vectors, const ANY: bool>(
+        &self,
+        vectors: V,
+        rays: &Rays,
+        stacks: &mut Stacks,
+        hits: &mut Hits,
+    ) {
+        let mut slabs = [Slabs::NONE; PACKET];
+        let mut visits = [Visit::ROOT; PACKET];
+        let mut boxes = [0_u32; PACKET];
+        let mut active = [0_usize; PACKET];
         let mut count = 0;
-        for i in 0..LANES {
+        for i in 0..PACKET {
             slabs[i] = Slabs::new(rays, i);
             stacks.0[i].clear();
             active[count] = i;
             count += usize::from(rays.tmax[i] >= 0.0);
         }
         while count > 0 {
-            // Nothing in this loop depends on what a ray has hit: the processor
-            // works on several rays at once.
+            // Nothing here depends on another ray's outcome: the processor works on
+            // several rays at once.
             for &i in &active[..count] {
-                boxes[i] = slabs[i].hits::<V>(&self.nodes[visits[i].node as usize], hits.t[i]);
+                boxes[i] = slabs[i].hits(vectors, &self.nodes[visits[i].node as usize], hits.t[i]);
             }
             let mut left = 0;
             for k in 0..count {
@@ -121,7 +133,7 @@ impl Tree {
                 for (block, &leaves) in node.leaves.iter().enumerate() {
                     if boxes[i] & u32::from(leaves) != 0 {
                         let block = &self.blocks[node.first_block as usize + block];
-                        found |= block.intersect::<V, ANY>(&slabs[i], hits, i);
+                        found |= block.intersect::<V, ANY>(vectors, &slabs[i], hits, i);
                     }
                 }
                 if (ANY && found)
@@ -129,7 +141,7 @@ impl Tree {
                 {
                     continue;
                 }
-                V::prefetch(&self.nodes[visits[i].node as usize]);
+                vectors.prefetch(&self.nodes[visits[i].node as usize]);
                 active[left] = i;
                 left += 1;
             }
@@ -157,11 +169,8 @@ impl Node {
 }
 
 impl Block {
-    const EMPTY: Self = Self {
-        corner: [[0.0; WIDTH]; 3],
-        edges: [[[0.0; WIDTH]; 3]; 2],
-        triangles: [super::NONE; WIDTH],
-    };
+    const EMPTY: Self =
+        Self { corner: [[0.0; WIDTH]; 3], edges: [[[0.0; WIDTH]; 3]; 2], triangles: [NONE; WIDTH] };
 
     fn set(&mut self, slot: usize, triangle: u32, [a, b, c]: [Vec3A; 3]) {
         for axis in 0..3 {
@@ -172,32 +181,34 @@ impl Block {
         self.triangles[slot] = triangle;
     }
 
-    /// Whether there is a hit nearer than the one of that lane, which it replaces
-    /// (Möller and Trumbore 1997); with `ANY`, whichever it is.
+    /// Whether there is a hit nearer than hit `i`, which it then replaces (Möller and
+    /// Trumbore 1997): by the nearest one, or with `ANY` by any.
     #[inline(always)]
     fn intersect<V: Vectors, const ANY: bool>(
         &self,
+        vectors: V,
         ray: &Slabs,
         hits: &mut Hits,
-        lane: usize,
+        i: usize,
     ) -> bool {
+        let proof = vectors.eight();
         let load = |values: &[[f32; WIDTH]; 3]| {
-            let [x, y, z] = [&values[0], &values[1], &values[2]].map(|v| V::Eight::load(v));
+            let [x, y, z] = [&values[0], &values[1], &values[2]].map(|v| V::Eight::load(proof, v));
             Vec3x::new(x, y, z)
         };
-        let (zero, one) = (V::Eight::splat(0.0), V::Eight::splat(1.0));
-        let direction = Vec3x::splat(ray.direction);
+        let (zero, one) = (V::Eight::splat(proof, 0.0), V::Eight::splat(proof, 1.0));
+        let direction = Vec3x::splat(proof, ray.direction);
         let (e1, e2) = (load(&self.edges[0]), load(&self.edges[1]));
-        let s = Vec3x::splat(ray.origin) - load(&self.corner);
+        let s = Vec3x::splat(proof, ray.origin) - load(&self.corner);
         let p = direction.cross(e2);
         let q = s.cross(e1);
         let inverse = one / e1.dot(p);
         let t = e2.dot(q) * inverse;
         let u = s.dot(p) * inverse;
         let v = direction.dot(q) * inverse;
-        // Not where they are NaN, of a ray in the plane of the triangle.
+        // Not where they are NaN, of a ray in the pi of the triangle.
         let inside = zero.at_most(u) & zero.at_most(v) & (u + v).at_most(one);
-        let within = zero.at_most(t) & t.less(V::Eight::splat(hits.t[lane]));
+        let within = zero.at_most(t) & t.less(V::Eight::splat(proof, hits.t[i]));
         let mut mask = V::Eight::bits(inside & within);
         if mask == 0 {
             return false;
@@ -207,13 +218,13 @@ impl Block {
         u.store(&mut us);
         v.store(&mut vs);
         while mask != 0 {
-            let i = mask.trailing_zeros() as usize;
+            let slot = mask.trailing_zeros() as usize;
             mask &= mask - 1;
-            if ts[i] < hits.t[lane] {
-                hits.t[lane] = ts[i];
-                hits.u[lane] = us[i];
-                hits.v[lane] = vs[i];
-                hits.triangle[lane] = self.triangles[i];
+            if ts[slot] < hits.t[i] {
+                hits.t[i] = ts[slot];
+                hits.u[i] = us[slot];
+                hits.v[i] = vs[slot];
+                hits.triangle[i] = self.triangles[slot];
             }
             if ANY {
                 break;
@@ -229,7 +240,7 @@ struct Group {
     first_child: u32,
     /// The slots of all inner children.
     inner: u32,
-    /// The children, as [`ORDER`] has them.
+    /// The slots of the children still to be visited, in the order of [`ORDER`].
     children: u32,
 }
 
@@ -240,10 +251,10 @@ struct Visit {
     group: Group,
 }
 
-/// By lane: what is still to be visited of nodes farther up. Memory that one
-/// query leaves to the next.
+/// By ray: what is still to be visited of nodes farther up. The memory of one query
+/// serves the next one.
 #[derive(Default)]
-pub(crate) struct Stacks([Vec<Group>; LANES]);
+pub(crate) struct Stacks([Vec<Group>; PACKET]);
 
 impl Visit {
     const ROOT: Self = Self { node: 0, group: Group { first_child: 0, inner: 0, children: 0 } };
@@ -271,7 +282,8 @@ impl Visit {
     }
 }
 
-/// By octant: the bits of a set of slots in the order in which rays meet them.
+/// By octant and by set of slots, as bits: the same set, with the bit of the slot that a
+/// ray is likely to meet first as the lowest.
 static ORDER: [[u8; 256]; 8] = {
     let mut order = [[0; 256]; 8];
     let mut octant = 0;
@@ -300,11 +312,17 @@ struct Slabs {
     inverse: Vec3,
     /// By axis: which of two planes is the farther one along the ray.
     far: [usize; 3],
-    /// The sides, as bits of a slot, from which the ray comes.
+    /// Bit 2 is set if x decreases along the ray, bit 1 if y does, bit 0 if z does.
     octant: usize,
 }
 
-/// Makes up for the rounding of the far distances (Ize 2013).
+/// Smaller components of directions are taken for this, with their sign: the inverse
+/// stays finite, so that times 0 it is no NaN, and unit directions change by less than
+/// f32 can tell.
+const LEAST: f32 = 1e-18;
+
+/// The far distances are raised by this, for their rounding (Ize 2013: Robust BVH Ray
+/// Traversal).
 const SLACK: f32 = 1.0 + 8.0 * f32::EPSILON;
 
 impl Slabs {
@@ -317,14 +335,14 @@ impl Slabs {
     };
 
     #[inline(always)]
-    fn new(rays: &Rays, lane: usize) -> Self {
-        let direction = rays.direction.get(lane);
-        // Where a component is 0, a large inverse of its sign does, and makes no NaN.
-        let divisor = |x: f32| if x.abs() < 1e-18 { 1e-18_f32.copysign(x) } else { x };
-        let forward = |x: f32| usize::from(x >= 0.0);
+    fn new(rays: &Rays, i: usize) -> Self {
+        let direction = rays.direction.get(i);
+        let divisor = |x: f32| if x.abs() < LEAST { LEAST.copysign(x) } else { x };
+        // By the sign bit, as in the inverse: −0 goes backward.
+        let forward = |x: f32| usize::from(x.is_sign_positive());
         let far = [forward(direction.x), forward(direction.y), forward(direction.z)];
         Self {
-            origin: rays.origin.get(lane),
+            origin: rays.origin.get(i),
             direction,
             inverse: Vec3::new(divisor(direction.x), divisor(direction.y), divisor(direction.z))
                 .recip(),
@@ -335,14 +353,14 @@ impl Slabs {
 
     /// The slots whose boxes the ray meets before `tmax`.
     #[inline(always)]
-    fn hits<V: Vectors>(&self, node: &Node, tmax: f32) -> u32 {
+    fn hits<V: Vectors>(&self, vectors: V, node: &Node, tmax: f32) -> u32 {
         let step = node.size * self.inverse;
         let origin = (node.origin - self.origin) * self.inverse;
         let planes = |axis: usize| {
             let planes = &node.planes[axis];
             (&planes[1 - self.far[axis]], &planes[self.far[axis]])
         };
-        V::overlaps(&Boxes {
+        vectors.overlaps(&Boxes {
             bounds: [planes(0), planes(1), planes(2)],
             step: step.to_array(),
             origin: origin.to_array(),

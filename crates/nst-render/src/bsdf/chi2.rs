@@ -168,7 +168,7 @@ pub(super) fn assert_follows(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bsdf::tests::polar;
+    use crate::bsdf::test_data::polar;
 
     /// 0.9999 quantiles from tables.
     #[test]

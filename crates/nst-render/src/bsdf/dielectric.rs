@@ -3,7 +3,7 @@
 
 use glam::Vec3A;
 
-use super::BsdfSample;
+use super::sample::BsdfSample;
 
 /// The boundary; z points out of the inner medium.
 #[derive(Clone, Copy, Debug)]
@@ -58,7 +58,7 @@ pub(super) fn fresnel(cos_theta: f32, eta: f32) -> (f32, f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bsdf::tests::polar;
+    use crate::bsdf::test_data::polar;
 
     const INDICES: [f32; 4] = [1.0, 1.33, 1.5, 2.4];
 

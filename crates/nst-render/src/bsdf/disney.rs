@@ -23,26 +23,30 @@ use std::f32::consts::FRAC_1_PI;
 use glam::{Vec2, Vec3A};
 
 use super::{
-    BsdfSample, Side,
     dielectric::fresnel,
-    energy::{EnergyScale, directional_albedo},
+    energy::EnergyScale,
     lambert::cosine_hemisphere,
     microfacet::{Ggx, Gtr1, reflect, smith_g1},
+    sample::{BsdfSample, Side},
 };
-use crate::material::Disney;
+use crate::{Disney, color::luminance_of_mitsuba};
 
-/// Luminance of linear sRGB.
-const LUMINANCE: Vec3A = Vec3A::new(0.212_671, 0.715_160, 0.072_169);
-/// GGX is no narrower than this.
+/// The least width of GGX, as in Burley's implementation (`disney.brdf`).
 const MIN_ALPHA: f32 = 0.001;
-/// Reflectance of the clearcoat at normal incidence.
+/// Reflectance of the clearcoat at normal incidence: an index of 1.5 (Burley 2012).
 const CLEARCOAT_F0: f32 = 0.04;
-/// α² of the clearcoat's masking.
+/// α² of the clearcoat's masking, which Burley fixes.
 const CLEARCOAT_MASKING: f32 = 0.25 * 0.25;
-/// The specular lobe is sampled at least as if it reflected this much.
+/// The specular lobe is sampled as if it reflected this share at least: at grazing angles
+/// its highlights are brighter than the estimate says.
 const MIN_SPECULAR: f32 = 0.02;
-/// About what full sheen reflects, seen askew; it is sampled with the diffuse lobe.
+/// About the share of light that full sheen reflects at angles that are neither normal nor
+/// grazing; sheen is sampled with the diffuse lobe.
 const SHEEN_ALBEDO: f32 = 0.15;
+/// Points per lobe of [`directional_albedo`].
+const ALBEDO_POINTS: u32 = 512;
+/// (√5 − 1) / 2: its multiples, modulo 1, are evenly spread.
+const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;
 
 /// What does not depend on the hit.
 #[derive(Clone, Debug)]
@@ -165,7 +169,7 @@ impl PreparedDisney {
 /// The colour, scaled to luminance 1; white for black.
 #[inline]
 fn tint(color: Vec3A) -> Vec3A {
-    let luminance = color.dot(LUMINANCE);
+    let luminance = luminance_of_mitsuba(color);
     if luminance > 0.0 { color / luminance } else { Vec3A::ONE }
 }
 
@@ -271,5 +275,61 @@ impl DisneyBsdf<'_> {
         let wi = wi.with_z_towards(wo);
         let (value, pdf) = self.eval_pdf(wo, wi);
         (pdf > 0.0).then(|| BsdfSample { wi, weight: value / pdf, pdf, delta: false })
+    }
+}
+
+/// The share of light that is reflected towards `wo`, of the largest channel: for each
+/// lobe, the mean over a lattice of what sampling it gives. The integrand is smooth there,
+/// however narrow the lobe.
+fn directional_albedo(bsdf: &DisneyBsdf, wo: Vec3A) -> f32 {
+    let mut sum = 0.0_f64;
+    for (lobe, probability) in bsdf.probabilities(wo) {
+        if probability == 0.0 {
+            continue;
+        }
+        for i in 0..ALBEDO_POINTS {
+            let turn = (f64::from(i) * GOLDEN_RATIO).fract() as f32;
+            let u2 = Vec2::new(turn, (i as f32 + 0.5) / ALBEDO_POINTS as f32);
+            if let Some(sample) = bsdf.sample_lobe(lobe, wo, u2) {
+                sum += f64::from(probability * sample.weight.max_element());
+            }
+        }
+    }
+    (sum / f64::from(ALBEDO_POINTS)) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bsdf::{
+        chi2::Lens,
+        energy::QUADRATURE_ERROR,
+        test_data::{parameter_grid, polar},
+    };
+
+    /// Against a quadrature over half vectors.
+    #[test]
+    fn the_quadrature_is_as_good_as_it_says() {
+        for (i, parameters) in parameter_grid().into_iter().enumerate() {
+            let prepared = PreparedDisney::unscaled(&parameters);
+            let bsdf = prepared.at(Vec3A::ONE);
+            let theta = [0.0, 30.0, 60.0, 75.0, 85.0, 89.0][i % 6];
+            let wo = polar(theta, 20.0);
+            let ours = directional_albedo(&bsdf, wo);
+            let lens = Lens::half(wo);
+            let expected = lens.integral(|wi| bsdf.eval_pdf(wo, wi).0.x) as f32;
+            let error = (ours / expected - 1.0).abs();
+            assert!(error < QUADRATURE_ERROR, "{parameters:?}, θ = {theta}°: {ours} {expected}");
+            let darker = directional_albedo(&prepared.at(Vec3A::splat(0.9)), wo);
+            assert!((darker / expected - 1.0).abs() > QUADRATURE_ERROR);
+        }
+    }
+
+    /// A white mirror loses light between its facets, and gains none.
+    #[test]
+    fn materials_that_need_no_scale_have_none() {
+        let metal = Disney { metallic: 1.0, roughness: 0.3, ..Disney::default() };
+        let prepared = PreparedDisney::new(&metal, std::iter::once(Vec3A::ONE));
+        assert!(prepared.energy.is_none());
     }
 }

@@ -7,19 +7,15 @@
 
 use std::f32::consts::FRAC_PI_4;
 
-use glam::{Vec2, Vec3A};
-
-use super::disney::DisneyBsdf;
+use glam::Vec3A;
 
 /// Nodes of the table, at equal distances in √(cos θ): most of them near grazing
 /// angles, where E changes fast.
 const NODES: usize = 65;
-/// Points per lobe of the quadrature.
-const POINTS: u32 = 512;
-/// Nodes are raised by what the quadrature may be off, for narrow and rough lobes
-/// alike; `the_quadrature_is_as_good_as_it_says` measures it.
-const QUADRATURE_ERROR: f32 = 2e-3;
-/// Below this excess, E is taken for at most 1: rounding, for a white mirror.
+/// What the quadrature of E may be off, relatively: nodes are raised by it.
+pub(super) const QUADRATURE_ERROR: f32 = 2e-3;
+/// E is taken for at most 1 if it exceeds 1 by no more than this: the rounding of the
+/// sum for a white mirror.
 const ROUNDING: f32 = 1e-5;
 
 /// max(1, E) over √(cos θ).
@@ -29,13 +25,14 @@ pub(super) struct EnergyScale {
 }
 
 impl EnergyScale {
-    /// Tabulates `albedo`, a function of wo above the surface; `None` if it is at
-    /// most 1 everywhere. Of an anisotropic BRDF, which is symmetric in x and in
-    /// y, the largest of three azimuths counts.
+    /// Tabulates `albedo`, E as a function of wo above the surface, which may be off by
+    /// [`QUADRATURE_ERROR`]; `None` if it is at most 1 everywhere. An anisotropic BRDF,
+    /// which is symmetric in x and in y, is looked at from three azimuths, of which the
+    /// largest E counts.
     pub(super) fn new(anisotropic: bool, albedo: impl Fn(Vec3A) -> f32) -> Option<Self> {
         let azimuths = if anisotropic { 0..3 } else { 0..1 };
         let nodes: [f32; NODES] = std::array::from_fn(|i| {
-            // At 0, the limit from above.
+            // Not 0, where nothing is reflected, but the limit near it.
             let cos = (i as f32 / (NODES - 1) as f32).powi(2).max(1e-6);
             let sin = (1.0 - cos * cos).sqrt();
             let towards = |azimuth: i32| {
@@ -67,55 +64,9 @@ fn cover(nodes: &[f32; NODES]) -> [f32; NODES] {
     })
 }
 
-/// E towards `wo`, the largest channel: for each lobe, the mean over a lattice of
-/// what sampling it gives. The integrand is smooth there, however narrow the lobe.
-pub(super) fn directional_albedo(bsdf: &DisneyBsdf, wo: Vec3A) -> f32 {
-    const GOLDEN: f64 = 0.618_033_988_749_894_9;
-    let mut sum = 0.0_f64;
-    for (lobe, probability) in bsdf.probabilities(wo) {
-        if probability == 0.0 {
-            continue;
-        }
-        for i in 0..POINTS {
-            let turn = (f64::from(i) * GOLDEN).fract() as f32;
-            let u2 = Vec2::new(turn, (i as f32 + 0.5) / POINTS as f32);
-            if let Some(sample) = bsdf.sample_lobe(lobe, wo, u2) {
-                sum += f64::from(probability * sample.weight.max_element());
-            }
-        }
-    }
-    (sum / f64::from(POINTS)) as f32
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        Disney,
-        bsdf::{
-            PreparedDisney,
-            chi2::Lens,
-            tests::{parameter_grid, polar},
-        },
-    };
-
-    /// Against a quadrature over half vectors.
-    #[test]
-    fn the_quadrature_is_as_good_as_it_says() {
-        for (i, parameters) in parameter_grid().into_iter().enumerate() {
-            let prepared = PreparedDisney::unscaled(&parameters);
-            let bsdf = prepared.at(Vec3A::ONE);
-            let theta = [0.0, 30.0, 60.0, 75.0, 85.0, 89.0][i % 6];
-            let wo = polar(theta, 20.0);
-            let ours = directional_albedo(&bsdf, wo);
-            let lens = Lens::half(wo);
-            let expected = lens.integral(|wi| bsdf.eval_pdf(wo, wi).0.x) as f32;
-            let error = (ours / expected - 1.0).abs();
-            assert!(error < QUADRATURE_ERROR, "{parameters:?}, θ = {theta}°: {ours} {expected}");
-            let darker = directional_albedo(&prepared.at(Vec3A::splat(0.9)), wo);
-            assert!((darker / expected - 1.0).abs() > QUADRATURE_ERROR);
-        }
-    }
 
     #[test]
     fn the_scale_covers_the_albedo_between_nodes() {
@@ -130,13 +81,5 @@ mod tests {
         assert!(scale.at(0.0) > 0.6, "it takes no more than it must");
         assert!(EnergyScale::new(false, |_| 1.0).is_none());
         assert!(EnergyScale::new(true, |wo| if wo.y > wo.z { 1.1 } else { 0.5 }).is_some());
-    }
-
-    /// A white mirror loses light between its facets, and gains none.
-    #[test]
-    fn materials_that_need_no_scale_have_none() {
-        let metal = Disney { metallic: 1.0, roughness: 0.3, ..Disney::default() };
-        let prepared = PreparedDisney::new(&metal, std::iter::once(Vec3A::ONE));
-        assert!(prepared.energy.is_none());
     }
 }

@@ -47,7 +47,7 @@ impl Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bsdf::tests::{random, random_direction};
+    use crate::bsdf::test_data::{random, random_direction};
 
     /// Tolerances: a few roundings of numbers below 1.
     #[test]

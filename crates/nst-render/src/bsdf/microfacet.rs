@@ -108,7 +108,7 @@ mod tests {
     use super::*;
     use crate::bsdf::{
         chi2::{Lens, QUADRATURE_ERROR, assert_follows, follows},
-        tests::{polar, random},
+        test_data::{polar, random},
     };
 
     const COUNT: u32 = 20_000;

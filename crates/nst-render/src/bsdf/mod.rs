@@ -17,11 +17,14 @@ mod energy;
 mod frame;
 pub(crate) mod lambert;
 mod microfacet;
+mod sample;
 
 #[cfg(test)]
 mod chi2;
 #[cfg(test)]
 mod reference;
+#[cfg(test)]
+mod test_data;
 #[cfg(test)]
 mod tests;
 
@@ -33,6 +36,7 @@ pub(crate) use {
     dielectric::Dielectric,
     disney::{DisneyBsdf, PreparedDisney},
     frame::Frame,
+    sample::BsdfSample,
 };
 
 /// What a material's scattering needs at every hit, computed once per material.
@@ -49,18 +53,6 @@ pub(crate) enum Bsdf<'a> {
     Lambert { reflectance: Vec3A },
     Disney(DisneyBsdf<'a>),
     Dielectric(Dielectric),
-}
-
-/// A direction that light may come from.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct BsdfSample {
-    pub(crate) wi: Vec3A,
-    /// f · |cos θi| / pdf.
-    pub(crate) weight: Vec3A,
-    /// Density of `wi` with respect to solid angle; 0, and of no use, if `delta`.
-    pub(crate) pdf: f32,
-    /// Whether `wi` is one of a few possible directions, which no other technique finds.
-    pub(crate) delta: bool,
 }
 
 impl Prepared {
@@ -140,18 +132,5 @@ impl Bsdf<'_> {
     #[inline]
     pub(crate) fn is_delta(&self) -> bool {
         matches!(self, Self::Dielectric(_))
-    }
-}
-
-/// Mirrors directions in the surface.
-trait Side {
-    /// The direction, mirrored if need be to be on the side of `wo`.
-    fn with_z_towards(self, wo: Vec3A) -> Self;
-}
-
-impl Side for Vec3A {
-    #[inline]
-    fn with_z_towards(self, wo: Vec3A) -> Self {
-        Self::new(self.x, self.y, self.z.abs().copysign(wo.z))
     }
 }

@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3A};
 
 use super::{
     PreparedDisney,
-    tests::{parameter_grid, random, random_direction},
+    test_data::{parameter_grid, random, random_direction},
 };
 use crate::{Disney, SampleStream};
 

@@ -1,11 +1,11 @@
 //! Several floats in a register.
 //!
-//! Compilers turn plain loops over lanes into vector instructions, but not always
-//! into good ones: where it matters most, these types say what is meant.
+//! Compilers turn plain loops over packets into vector instructions, but not always
+//! into good ones: where it matters most, these types say which ones are meant.
 
 use std::ops::{Add, BitAnd, Div, Mul, Neg, Sub};
 
-/// Floats side by side; operations are on each by itself, and round as for one.
+/// Floats side by side; each operation is on each float by itself, and rounds as for one.
 pub(crate) trait Floats:
     Copy
     + Add<Output = Self>
@@ -17,22 +17,25 @@ pub(crate) trait Floats:
     /// How many there are.
     const WIDTH: usize;
 
-    /// For each, yes or no.
+    /// What shows that the processor has the instructions for these floats.
+    type Proof: Copy;
+
+    /// For each float, yes or no.
     type Mask: Copy + BitAnd<Output = Self::Mask>;
 
-    /// The same in all places.
-    fn splat(value: f32) -> Self;
-    /// The first `WIDTH` of a slice, which must have as many.
-    fn load(values: &[f32]) -> Self;
-    /// Replaces the first `WIDTH` of a slice, which must have as many.
+    /// The same value for all.
+    fn splat(proof: Self::Proof, value: f32) -> Self;
+    /// The first `WIDTH` of a slice; panics if there are fewer.
+    fn load(proof: Self::Proof, values: &[f32]) -> Self;
+    /// Replaces the first `WIDTH` of a slice; panics if there are fewer.
     fn store(self, values: &mut [f32]);
     /// Where `self` is less than `other`; not where either is NaN.
     fn less(self, other: Self) -> Self::Mask;
     /// Where `self` is less than `other` or equal; not where either is NaN.
     fn at_most(self, other: Self) -> Self::Mask;
-    /// `yes` where the mask says so, else `no`; all bits are kept.
+    /// `yes` where the mask says yes, else `no`; all bits are kept, also those of a NaN.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
-    /// Bit i tells of place i.
+    /// Bit i is set where float i has a yes.
     fn bits(mask: Self::Mask) -> u32;
 }
 
@@ -47,8 +50,8 @@ impl<F: Floats> Vec3x<F> {
     }
 
     #[inline(always)]
-    pub(crate) fn splat(vector: glam::Vec3) -> Self {
-        Self([F::splat(vector.x), F::splat(vector.y), F::splat(vector.z)])
+    pub(crate) fn splat(proof: F::Proof, vector: glam::Vec3) -> Self {
+        Self(vector.to_array().map(|x| F::splat(proof, x)))
     }
 
     #[inline(always)]
@@ -74,7 +77,7 @@ impl<F: Floats> Sub for Vec3x<F> {
     }
 }
 
-/// For any processor.
+/// Floats for any processor.
 #[derive(Clone, Copy)]
 pub(crate) struct Array<const N: usize>([f32; N]);
 
@@ -91,15 +94,17 @@ impl<const N: usize> Array<N> {
 impl<const N: usize> Floats for Array<N> {
     const WIDTH: usize = N;
 
+    type Proof = ();
+
     type Mask = ArrayMask<N>;
 
     #[inline(always)]
-    fn splat(value: f32) -> Self {
+    fn splat((): (), value: f32) -> Self {
         Self([value; N])
     }
 
     #[inline(always)]
-    fn load(values: &[f32]) -> Self {
+    fn load((): (), values: &[f32]) -> Self {
         Self(std::array::from_fn(|i| values[i]))
     }
 

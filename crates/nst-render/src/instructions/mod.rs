@@ -2,198 +2,129 @@
 //!
 //! All versions give the same bits: each operation rounds by itself, as nothing
 //! fuses multiplications with additions.
+//!
+//! No safe function executes an instruction that the processor may lack: `x86::Avx2`
+//! and `x86::Avx512` are made by detection alone, and floats in registers are made with
+//! one of them, or out of other floats.
 
 mod floats;
+mod vectors;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
+use vectors::Portable;
 #[cfg(target_arch = "x86_64")]
-use std::marker::PhantomData;
+use x86::{Avx2, Avx512};
 
-pub(crate) use floats::{Floats, Vec3x};
+pub(crate) use {
+    floats::{Floats, Vec3x},
+    vectors::{Boxes, Kernel, Vectors},
+};
 
-/// Which instructions the processor has.
+/// Instructions that the processor has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Instructions {
     Portable,
     #[cfg(target_arch = "x86_64")]
-    Avx2,
+    Avx2(Avx2),
     #[cfg(target_arch = "x86_64")]
-    Avx512,
-}
-
-/// Work to be compiled for each of [`Instructions`]. `run` and what it calls in
-/// inner loops must be `#[inline(always)]`.
-pub(crate) trait Kernel {
-    type Output;
-
-    fn run<V: Vectors>(self) -> Self::Output;
-}
-
-/// What compilers do not find by themselves.
-pub(crate) trait Vectors {
-    /// As many as a register holds.
-    type Lanes: Floats;
-    /// Eight of them.
-    type Eight: Floats;
-
-    /// Which of eight boxes a ray meets, as bits.
-    fn overlaps(boxes: &Boxes<'_>) -> u32;
-
-    /// Asks for what the reference points to, which is needed soon.
-    fn prefetch<T>(place: &T);
-}
-
-/// Eight boxes, as a ray sees them.
-pub(crate) struct Boxes<'a> {
-    /// By axis: it enters at `bytes · step + origin` with the first bytes, and
-    /// leaves with the second ones.
-    pub(crate) bounds: [(&'a [u8; 8], &'a [u8; 8]); 3],
-    pub(crate) step: [f32; 3],
-    pub(crate) origin: [f32; 3],
-    /// Where the ray ends; it begins at 0.
-    pub(crate) end: f32,
-    /// A factor that makes the leaving later.
-    pub(crate) slack: f32,
-}
-
-/// For any processor.
-struct Portable;
-
-impl Vectors for Portable {
-    type Lanes = floats::Array<4>;
-    type Eight = floats::Array<8>;
-
-    #[inline(always)]
-    fn overlaps(boxes: &Boxes<'_>) -> u32 {
-        let &Boxes { bounds, step, origin, end, slack } = boxes;
-        let mut near = [0.0_f32; 8];
-        let mut far = [end; 8];
-        for axis in 0..3 {
-            let (first, second) = bounds[axis];
-            for i in 0..8 {
-                let enter = f32::from(first[i]) * step[axis] + origin[axis];
-                let leave = f32::from(second[i]) * step[axis] + origin[axis];
-                near[i] = if enter > near[i] { enter } else { near[i] };
-                far[i] = if leave < far[i] { leave } else { far[i] };
-            }
-        }
-        (0..8).fold(0, |bits, i| bits | u32::from(near[i] <= far[i] * slack) << i)
-    }
-
-    #[inline(always)]
-    fn prefetch<T>(_place: &T) {}
-}
-
-/// For processors with AVX2, and what they have registers for.
-#[cfg(target_arch = "x86_64")]
-struct Avx2<F>(PhantomData<F>);
-
-#[cfg(target_arch = "x86_64")]
-impl<F: Floats> Vectors for Avx2<F> {
-    type Lanes = F;
-    type Eight = x86::Floats8;
-
-    #[inline(always)]
-    fn overlaps(boxes: &Boxes<'_>) -> u32 {
-        #[allow(unsafe_code)]
-        // SAFETY: `Instructions::run` chooses this type where there is AVX2.
-        unsafe {
-            overlaps_avx2(boxes)
-        }
-    }
-
-    #[inline(always)]
-    fn prefetch<T>(place: &T) {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        let line: *const i8 = std::ptr::from_ref(place).cast();
-        for i in (0..size_of::<T>()).step_by(64) {
-            #[allow(unsafe_code)]
-            // SAFETY: any address may be prefetched; SSE is part of x86-64.
-            unsafe {
-                _mm_prefetch::<_MM_HINT_T0>(line.wrapping_add(i));
-            }
-        }
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-#[inline]
-fn overlaps_avx2(boxes: &Boxes<'_>) -> u32 {
-    use std::arch::x86_64::*;
-    let &Boxes { bounds, step, origin, end, slack } = boxes;
-    let mut near = _mm256_setzero_ps();
-    let mut far = _mm256_set1_ps(end);
-    for axis in 0..3 {
-        let (step, origin) = (_mm256_set1_ps(step[axis]), _mm256_set1_ps(origin[axis]));
-        let plane = |bytes: &[u8; 8]| {
-            let bytes = _mm_cvtsi64_si128(i64::from_le_bytes(*bytes));
-            let floats = _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(bytes));
-            _mm256_add_ps(_mm256_mul_ps(floats, step), origin)
-        };
-        near = _mm256_max_ps(plane(bounds[axis].0), near);
-        far = _mm256_min_ps(plane(bounds[axis].1), far);
-    }
-    let far = _mm256_mul_ps(far, _mm256_set1_ps(slack));
-    _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)) as u32
+    Avx512(Avx512),
 }
 
 impl Instructions {
+    /// The best that this processor has.
     pub(crate) fn detect() -> Self {
         *Self::available().last().unwrap_or(&Self::Portable)
     }
 
-    /// What this processor has, the best last.
+    /// All that this processor has, the best last.
     pub(crate) fn available() -> Vec<Self> {
         #[allow(unused_mut, reason = "there is one version only for other processors")]
         let mut available = vec![Self::Portable];
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2")
-            && is_x86_feature_detected!("bmi1")
-            && is_x86_feature_detected!("bmi2")
-            && is_x86_feature_detected!("lzcnt")
-            && is_x86_feature_detected!("popcnt")
         {
-            available.push(Self::Avx2);
-            if is_x86_feature_detected!("avx512f")
-                && is_x86_feature_detected!("avx512bw")
-                && is_x86_feature_detected!("avx512cd")
-                && is_x86_feature_detected!("avx512dq")
-                && is_x86_feature_detected!("avx512vl")
-            {
-                available.push(Self::Avx512);
-            }
+            available.extend(Avx2::detect().map(Self::Avx2));
+            available.extend(Avx512::detect().map(Self::Avx512));
         }
         available
     }
 
-    /// Runs the version for these instructions, which the processor must have.
+    /// Runs the version of the kernel for these instructions.
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
-            Self::Portable => kernel.run::<Portable>(),
+            Self::Portable => kernel.run(Portable),
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)]
-            // SAFETY: `detect` and `available` found the features.
-            Self::Avx2 => unsafe { run_avx2(kernel) },
+            Self::Avx2(avx2) => avx2.run(kernel),
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)]
-            // SAFETY: the same.
-            Self::Avx512 => unsafe { run_avx512(kernel) },
+            Self::Avx512(avx512) => avx512.run(kernel),
         }
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run::<Avx2<x86::Floats8>>()
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(
-    enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl,avx2,bmi1,bmi2,lzcnt,popcnt"
-)]
-fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run::<Avx2<x86::Floats16>>()
+    /// Every operation of [`Floats`].
+    struct Operations;
+
+    impl Kernel for Operations {
+        type Output = [[u32; 16]; 2];
+
+        #[inline(always)]
+        fn run<V: Vectors>(self, vectors: V) -> Self::Output {
+            [results::<V::Wide>(vectors.wide()), results::<V::Eight>(vectors.eight())]
+        }
+    }
+
+    /// The bits of what a few operations give for sixteen pairs of numbers.
+    #[inline(always)]
+    fn results<F: Floats>(proof: F::Proof) -> [u32; 16] {
+        const SPECIAL: [f32; 16] = [
+            0.0,
+            -0.0,
+            1.0,
+            -1.5,
+            f32::NAN,
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            1e-40,
+            -3e38,
+            f32::MIN_POSITIVE,
+            0.1,
+            7.0,
+            1.0 / 3.0,
+            -0.7,
+            2.5e-3,
+            1e10,
+        ];
+        let mut others = SPECIAL;
+        others.rotate_left(5);
+        let mut all = [0; 16];
+        for first in (0..16).step_by(F::WIDTH) {
+            let a = F::load(proof, &SPECIAL[first..]);
+            let b = F::load(proof, &others[first..]);
+            let one = F::splat(proof, 1.0);
+            let either = F::select(a.less(b) & b.at_most(one), a * b - one, -(a / b) + b);
+            let mut values = [0.0; 16];
+            either.store(&mut values[..F::WIDTH]);
+            let mask = F::bits(a.at_most(b));
+            for i in 0..F::WIDTH {
+                // Which NaN it is, is not defined.
+                let bits = if values[i].is_nan() { u32::MAX } else { values[i].to_bits() };
+                all[first + i] = bits ^ (mask >> i & 1);
+            }
+        }
+        all
+    }
+
+    #[test]
+    fn operations_give_the_same_bits_in_all_registers() {
+        let [expected, eight] = Instructions::Portable.run(Operations);
+        assert_eq!(expected, eight);
+        assert!(expected.iter().any(|&bits| bits != expected[0]));
+        for instructions in Instructions::available() {
+            assert_eq!(instructions.run(Operations), [expected; 2], "{instructions:?}");
+        }
+    }
 }

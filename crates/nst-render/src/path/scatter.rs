@@ -1,28 +1,28 @@
-//! One step of sixteen paths: light that is scattered towards them, and where
-//! they go on.
+//! One step of a packet of paths: the light that their points scatter towards them,
+//! and where they go on.
 
 use glam::{Vec2, Vec3, Vec3A};
 
 use super::{
-    MAX_SURVIVAL, PathTracer,
+    tracer::PathTracer,
     wave::{Paths, Points},
 };
 use crate::{
     SamplerKind, Scattering,
     accelerator::{NONE, max, offset},
     bsdf::{Frame, lambert},
-    lanes::{LANES, Vec3s},
     light::LightSamples,
+    packet::{PACKET, Vec3s},
 };
 
-/// The random numbers of one vertex of sixteen paths.
+/// The random numbers of one vertex of a packet of paths.
 pub(super) struct Draws {
-    light: [f32; LANES],
-    on_light: [[f32; LANES]; 2],
-    lobe: [f32; LANES],
-    direction: [[f32; LANES]; 2],
+    light: [u64; PACKET],
+    on_light: [[f32; PACKET]; 2],
+    lobe: [f32; PACKET],
+    direction: [[f32; PACKET]; 2],
     /// Where there is Russian roulette.
-    survival: Option<[f32; LANES]>,
+    survival: Option<[f32; PACKET]>,
 }
 
 impl Draws {
@@ -35,7 +35,7 @@ impl Draws {
     pub(super) fn new(points: &Points, kind: SamplerKind, first: u32, roulette: bool) -> Self {
         let streams = &points.streams;
         Self {
-            light: streams.draw_1d(kind, first),
+            light: streams.draw_fine(kind, first),
             on_light: streams.draw_2d(kind, first + 1),
             lobe: streams.draw_1d(kind, first + 3),
             direction: streams.draw_2d(kind, first + 4),
@@ -44,8 +44,8 @@ impl Draws {
     }
 
     #[inline(always)]
-    fn direction(&self, lane: usize) -> Vec2 {
-        Vec2::new(self.direction[0][lane], self.direction[1][lane])
+    fn direction(&self, i: usize) -> Vec2 {
+        Vec2::new(self.direction[0][i], self.direction[1][i])
     }
 }
 
@@ -61,13 +61,13 @@ impl PathTracer<'_> {
     #[inline(always)]
     pub(super) fn lights(&self, points: &Points, draws: &Draws) -> Direct {
         let mut origins = Vec3s::ZERO;
-        for i in 0..LANES {
+        for i in 0..PACKET {
             let normal = points.normal.get(i);
             origins.set(i, self.origin(points, i, points.wo.get(i).dot(normal)));
         }
         let mut lights = LightSamples::NONE;
         self.lights.sample(self.scene, &origins, &draws.light, &draws.on_light, &mut lights);
-        for i in 0..LANES {
+        for i in 0..PACKET {
             let (normal, wo) = (points.normal.get(i), points.wo.get(i));
             // Nothing but a delta distribution lets light through.
             let same_side = lights.wi.get(i).dot(normal) * wo.dot(normal) > 0.0;
@@ -87,7 +87,7 @@ impl PathTracer<'_> {
         next: &mut Paths,
     ) {
         let lights = &mut direct.lights;
-        for i in 0..LANES {
+        for i in 0..PACKET {
             let shading = points.shading.get(i);
             let cos_o = points.wo.get(i).dot(shading);
             let pdf_light = lights.pdf[i];
@@ -97,7 +97,7 @@ impl PathTracer<'_> {
             direct.contribution.set(i, reflected * lights.radiance.get(i) * weight);
             lights.rays.tmax[i] = if pdf > 0.0 { lights.rays.tmax[i] } else { -1.0 };
         }
-        for i in 0..LANES {
+        for i in 0..PACKET {
             let (normal, shading) = (points.normal.get(i), points.shading.get(i));
             let wo = points.wo.get(i);
             let cos_o = wo.dot(shading);
@@ -126,7 +126,7 @@ impl PathTracer<'_> {
         next: &mut Paths,
     ) {
         let lights = &mut direct.lights;
-        for i in (0..LANES).filter(|&i| points.path[i] != NONE) {
+        for i in (0..PACKET).filter(|&i| points.path[i] != NONE) {
             let triangle = &self.scene.triangles[points.triangle[i] as usize];
             let material = triangle.material as usize;
             let (normal, shading) = (Vec3A::from(points.normal.get(i)), points.shading.get(i));
@@ -170,28 +170,94 @@ impl PathTracer<'_> {
         }
     }
 
-    /// Ends paths that carry nothing, and some of the others by Russian roulette.
+    /// Where a ray leaves the surface to the side of the normal that `side` tells.
     #[inline(always)]
-    pub(super) fn survive(&self, draws: &Draws, next: &mut Paths) {
-        let draw = draws.survival.unwrap_or([0.0; LANES]);
-        for i in 0..LANES {
-            let throughput = next.throughput.get(i);
-            let largest = max(throughput.x, max(throughput.y, throughput.z));
-            let survival = match draws.survival {
-                Some(_) if largest < MAX_SURVIVAL => largest,
-                Some(_) => MAX_SURVIVAL,
-                None => 1.0,
-            };
-            let alive = (largest > 0.0) & (draw[i] < survival);
-            next.rays.tmax[i] = if alive { next.rays.tmax[i] } else { -1.0 };
-            next.throughput.set(i, throughput * (1.0 / survival));
+    fn origin(&self, points: &Points, i: usize, side: f32) -> Vec3 {
+        let normal = points.normal.get(i) * 1.0_f32.copysign(side);
+        offset(points.position.get(i), normal, self.scale)
+    }
+}
+
+/// The most likely survival of Russian roulette: no path lives for ever, not even
+/// between white walls.
+const MAX_SURVIVAL: f32 = 0.95;
+/// The least likely survival, 2⁻⁸. Random numbers are multiples of 2⁻²⁴, so that a path
+/// really lives with the next larger multiple of its probability: of 10⁻¹², 60,000 times
+/// as often as its weight makes up for. From 2⁻⁸ on, the excess is at most 2⁻¹⁶, which no
+/// pixel can show: with 2³² samples, the most there can be, noise is as large. A higher
+/// floor would do, too, but change more pictures.
+const MIN_SURVIVAL: f32 = 1.0 / 256.0;
+
+/// The probability that a path goes on, in proportion to what it carries.
+#[inline(always)]
+fn survival(throughput: f32) -> f32 {
+    if throughput < MAX_SURVIVAL { max(throughput, MIN_SURVIVAL) } else { MAX_SURVIVAL }
+}
+
+/// Ends paths that carry nothing, and some of the others by Russian roulette.
+#[inline(always)]
+pub(super) fn survive(draws: &Draws, next: &mut Paths) {
+    let draw = draws.survival.unwrap_or([0.0; PACKET]);
+    for i in 0..PACKET {
+        let throughput = next.throughput.get(i);
+        let largest = max(throughput.x, max(throughput.y, throughput.z));
+        let survival = if draws.survival.is_some() { survival(largest) } else { 1.0 };
+        let alive = (largest > 0.0) & (draw[i] < survival);
+        next.rays.tmax[i] = if alive { next.rays.tmax[i] } else { -1.0 };
+        next.throughput.set(i, throughput * (1.0 / survival));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The mean of what a path carries after Russian roulette, by what it carried before,
+    /// over all numbers that a sampler can draw.
+    fn mean_after_roulette(throughput: f32) -> f64 {
+        const NUMBERS: usize = 1 << 24;
+        let mut draws = Draws {
+            light: [0; PACKET],
+            on_light: [[0.0; PACKET]; 2],
+            lobe: [0.0; PACKET],
+            direction: [[0.0; PACKET]; 2],
+            survival: None,
+        };
+        let mut sum = 0.0;
+        for first in (0..NUMBERS).step_by(PACKET) {
+            draws.survival =
+                Some(std::array::from_fn(|i| (first + i) as f32 * (1.0 / NUMBERS as f32)));
+            let mut paths = Paths::default();
+            for i in 0..PACKET {
+                paths.rays.tmax[i] = f32::INFINITY;
+                paths.throughput.set(i, throughput * Vec3::new(0.25, 1.0, 0.5));
+            }
+            survive(&draws, &mut paths);
+            for i in (0..PACKET).filter(|&i| paths.rays.tmax[i] >= 0.0) {
+                let carried = paths.throughput.get(i);
+                assert!(carried.y <= f32::max(1.0, throughput / MAX_SURVIVAL) * 1.000_001);
+                sum += f64::from(carried.y);
+            }
+        }
+        sum / NUMBERS as f64 / f64::from(throughput)
+    }
+
+    /// Tolerance: the excess that the floor allows, and f32's rounding.
+    #[test]
+    fn roulette_keeps_what_dark_paths_carry() {
+        for throughput in [1e-30, 1e-12, 1e-6, 0.003, 0.004, 0.017, 0.3, 0.949, 0.96, 3.0] {
+            let mean = mean_after_roulette(throughput);
+            assert!((mean - 1.0).abs() < 1.1 / 65_536.0, "{throughput}: {mean}");
         }
     }
 
-    /// Where a ray leaves the surface to the side of the normal that `side` tells.
-    #[inline(always)]
-    fn origin(&self, points: &Points, lane: usize, side: f32) -> Vec3 {
-        let normal = points.normal.get(lane) * 1.0_f32.copysign(side);
-        offset(points.position.get(lane), normal, self.scale)
+    /// Above the floor, and below the ceiling, survivors carry the same as without a floor.
+    #[test]
+    fn the_floor_acts_on_dark_paths_alone() {
+        for throughput in [MIN_SURVIVAL, 0.005, 0.2, 0.94] {
+            assert_eq!(survival(throughput), throughput);
+        }
+        assert_eq!([survival(0.003), survival(0.0)], [MIN_SURVIVAL; 2]);
+        assert_eq!([survival(0.96), survival(7.0)], [MAX_SURVIVAL; 2]);
     }
 }

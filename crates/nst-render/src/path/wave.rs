@@ -1,12 +1,12 @@
-//! What paths carry from vertex to vertex, in chunks of sixteen.
+//! What paths carry from vertex to vertex, in packets.
 
 use crate::{
     accelerator::{NONE, Rays},
-    lanes::{LANES, Vec3s},
+    packet::{PACKET, Vec3s},
     sampler::Streams,
 };
 
-/// Sixteen paths on their way to the next vertex; those with a negative `tmax`
+/// A packet of paths on their way to the next vertex; those with a negative `tmax`
 /// have ended.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
@@ -16,13 +16,13 @@ pub(super) struct Paths {
     /// The density, with respect to solid angle, of the ray's direction; infinite
     /// where light sampling could not have found it: from the camera, and after
     /// a delta distribution.
-    pub(super) pdf: [f32; LANES],
+    pub(super) pdf: [f32; PACKET],
     pub(super) streams: Streams,
     /// Which path it is.
-    pub(super) path: [u32; LANES],
+    pub(super) path: [u32; PACKET],
 }
 
-/// Sixteen points of surfaces that paths have come to.
+/// A packet of points of surfaces that paths have come to.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(super) struct Points {
@@ -38,9 +38,9 @@ pub(super) struct Points {
     pub(super) color: Vec3s,
     pub(super) throughput: Vec3s,
     pub(super) streams: Streams,
-    /// Which path it is; [`NONE`] in lanes that are not used.
-    pub(super) path: [u32; LANES],
-    pub(super) triangle: [u32; LANES],
+    /// Which path it is; [`NONE`] for members that are not used.
+    pub(super) path: [u32; PACKET],
+    pub(super) triangle: [u32; PACKET],
 }
 
 impl Default for Paths {
@@ -49,9 +49,9 @@ impl Default for Paths {
         Self {
             rays: Rays::NONE,
             throughput: Vec3s::ZERO,
-            pdf: [0.0; LANES],
+            pdf: [0.0; PACKET],
             streams: Streams::ZERO,
-            path: [NONE; LANES],
+            path: [NONE; PACKET],
         }
     }
 }
@@ -67,47 +67,47 @@ impl Default for Points {
             color: Vec3s::ZERO,
             throughput: Vec3s::ZERO,
             streams: Streams::ZERO,
-            path: [NONE; LANES],
-            triangle: [NONE; LANES],
+            path: [NONE; PACKET],
+            triangle: [NONE; PACKET],
         }
     }
 }
 
-/// Chunks, filled lane by lane.
+/// Packets, filled member by member.
 #[derive(Default)]
 pub(super) struct Queue<T> {
-    chunks: Vec<T>,
-    /// Lanes in use.
+    packets: Vec<T>,
+    /// Members in use.
     len: usize,
 }
 
 impl<T: Default> Queue<T> {
-    /// The next unused lane.
+    /// The next unused member: its packet, and its place there.
     #[inline(always)]
     pub(super) fn push(&mut self) -> (&mut T, usize) {
-        let (chunk, lane) = (self.len / LANES, self.len % LANES);
-        if lane == 0 {
-            self.chunks.push(T::default());
+        let (packet, i) = (self.len / PACKET, self.len % PACKET);
+        if i == 0 {
+            self.packets.push(T::default());
         }
         self.len += 1;
-        (&mut self.chunks[chunk], lane)
+        (&mut self.packets[packet], i)
     }
 
-    /// A chunk of its own.
+    /// A packet for the caller alone.
     #[inline(always)]
-    pub(super) fn push_chunk(&mut self) -> &mut T {
-        self.chunks.push(T::default());
-        self.len = self.chunks.len() * LANES;
-        let last = self.chunks.len() - 1;
-        &mut self.chunks[last]
+    pub(super) fn push_packet(&mut self) -> &mut T {
+        self.packets.push(T::default());
+        self.len = self.packets.len() * PACKET;
+        let last = self.packets.len() - 1;
+        &mut self.packets[last]
     }
 
-    pub(super) fn chunks(&self) -> &[T] {
-        &self.chunks
+    pub(super) fn packets(&self) -> &[T] {
+        &self.packets
     }
 
     pub(super) fn clear(&mut self) {
-        self.chunks.clear();
+        self.packets.clear();
         self.len = 0;
     }
 }

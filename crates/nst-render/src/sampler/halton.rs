@@ -2,7 +2,7 @@
 //! (Owen 1995): each digit is permuted by a permutation that depends on the
 //! digits before it.
 
-use super::{mix, unit};
+use super::hash::{mix, unit};
 
 /// The base of each dimension.
 #[rustfmt::skip]
@@ -13,7 +13,7 @@ pub(super) const PRIMES: [u32; 64] = [
     227, 229, 233, 239, 241, 251, 257, 263, 269, 271, 277, 281, 283, 293, 307, 311,
 ];
 
-/// Digits are produced until a further one would be below f32's resolution.
+/// Digits are produced until a further one would be below 2⁻²⁴, the step of [`unit`].
 const RESOLUTION: f64 = 1.0 / 16_777_216.0;
 
 /// The digits of `index` in a prime `base`, mirrored at the point and scrambled.

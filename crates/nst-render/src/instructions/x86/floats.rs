@@ -5,37 +5,45 @@ use std::{
     ops::{Add, BitAnd, Div, Mul, Neg, Sub},
 };
 
-use super::floats::Floats;
+use super::{
+    super::floats::Floats,
+    tokens::{Avx2, Avx512},
+};
 
-/// A type of floats, by the names of the functions that work on its register.
+/// A type of floats: its width and register, the same of its mask, what proves that the
+/// processor has the instructions, and the names of the functions that work on registers.
 macro_rules! floats {
     (
-        $name:ident: $width:literal in $register:ty, $mask:ident in $mask_register:ty,
+        $name:ident: $width:literal in $register:ty, $mask:ident in $mask_register:ty, of $proof:ty,
         $splat:ident, $load:ident, $store:ident, $xor:ident,
         $less:ident, $at_most:ident, $select:ident, $bits:ident, $and:ident,
         $($operator:ident $function:ident $instruction:ident),*
     ) => {
-        /// Only for code that `Instructions::run` runs where the processor has them.
+        /// Made of a proof or of others of its type: where there is a value, the
+        /// processor has the instructions for it.
         #[derive(Clone, Copy)]
-        pub(super) struct $name($register);
+        pub(crate) struct $name($register);
 
+        /// Made of floats: the same holds.
         #[derive(Clone, Copy)]
-        pub(super) struct $mask($mask_register);
+        pub(crate) struct $mask($mask_register);
 
         #[allow(unsafe_code)]
         impl Floats for $name {
             const WIDTH: usize = $width;
 
+            type Proof = $proof;
+
             type Mask = $mask;
 
             #[inline(always)]
-            fn splat(value: f32) -> Self {
-                // SAFETY: the processor has the instruction: see the type.
+            fn splat(_: $proof, value: f32) -> Self {
+                // SAFETY: the proof says that the processor has the instruction.
                 Self(unsafe { $splat(value) })
             }
 
             #[inline(always)]
-            fn load(values: &[f32]) -> Self {
+            fn load(_: $proof, values: &[f32]) -> Self {
                 let values = &values[..$width];
                 // SAFETY: the same; as many floats are read as there are.
                 Self(unsafe { $load(values.as_ptr()) })
@@ -44,31 +52,32 @@ macro_rules! floats {
             #[inline(always)]
             fn store(self, values: &mut [f32]) {
                 let values = &mut values[..$width];
-                // SAFETY: the same; as many floats are written as there are.
+                // SAFETY: `self` says that the processor has the instruction; as many
+                // floats are written as there are.
                 unsafe { $store(values.as_mut_ptr(), self.0) }
             }
 
             #[inline(always)]
             fn less(self, other: Self) -> $mask {
-                // SAFETY: the processor has the instruction.
+                // SAFETY: the processor has the instruction, as there is a value: see the type.
                 $mask(unsafe { $less(self.0, other.0) })
             }
 
             #[inline(always)]
             fn at_most(self, other: Self) -> $mask {
-                // SAFETY: the processor has the instruction.
+                // SAFETY: the processor has the instruction, as there is a value: see the type.
                 $mask(unsafe { $at_most(self.0, other.0) })
             }
 
             #[inline(always)]
             fn select(mask: $mask, yes: Self, no: Self) -> Self {
-                // SAFETY: the processor has the instruction.
+                // SAFETY: the processor has the instruction, as there is a value: see the type.
                 Self(unsafe { $select(mask.0, yes.0, no.0) })
             }
 
             #[inline(always)]
             fn bits(mask: $mask) -> u32 {
-                // SAFETY: the processor has the instruction.
+                // SAFETY: the processor has the instruction, as there is a value: see the type.
                 unsafe { $bits(mask.0) }
             }
         }
@@ -79,7 +88,7 @@ macro_rules! floats {
 
             #[inline(always)]
             fn bitand(self, other: Self) -> Self {
-                // SAFETY: the processor has the instruction.
+                // SAFETY: the processor has the instruction, as there is a value: see the type.
                 Self(unsafe { $and(self.0, other.0) })
             }
         }
@@ -90,7 +99,7 @@ macro_rules! floats {
 
             #[inline(always)]
             fn neg(self) -> Self {
-                // SAFETY: the processor has the instruction.
+                // SAFETY: the processor has the instruction, as there is a value: see the type.
                 Self(unsafe { $xor(self.0, $splat(-0.0)) })
             }
         }
@@ -102,7 +111,7 @@ macro_rules! floats {
 
                 #[inline(always)]
                 fn $function(self, other: Self) -> Self {
-                    // SAFETY: the processor has the instruction.
+                    // SAFETY: the processor has the instruction, as there is a value: see the type.
                     Self(unsafe { $instruction(self.0, other.0) })
                 }
             }
@@ -111,14 +120,14 @@ macro_rules! floats {
 }
 
 floats! {
-    Floats8: 8 in __m256, Mask8 in __m256,
+    Floats8: 8 in __m256, Mask8 in __m256, of Avx2,
     _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_xor_ps,
     less_8, at_most_8, select_8, bits_8, _mm256_and_ps,
     Add add _mm256_add_ps, Sub sub _mm256_sub_ps, Mul mul _mm256_mul_ps, Div div _mm256_div_ps
 }
 
 floats! {
-    Floats16: 16 in __m512, Mask16 in __mmask16,
+    Floats16: 16 in __m512, Mask16 in __mmask16, of Avx512,
     _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, _mm512_xor_ps,
     less_16, at_most_16, select_16, bits_16, and_16,
     Add add _mm512_add_ps, Sub sub _mm512_sub_ps, Mul mul _mm512_mul_ps, Div div _mm512_div_ps

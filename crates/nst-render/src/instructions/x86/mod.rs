@@ -1,0 +1,7 @@
+//! Vector instructions of x86 processors.
+
+mod floats;
+mod tokens;
+mod vectors;
+
+pub(crate) use tokens::{Avx2, Avx512};

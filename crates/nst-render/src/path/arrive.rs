@@ -1,0 +1,85 @@
+//! The other half of a step: what paths have come to.
+
+use glam::{Vec2, Vec3, Vec3A};
+
+use super::{
+    tracer::PathTracer,
+    wave::{Paths, Points, Queue},
+};
+use crate::{
+    accelerator::{Hits, NONE},
+    light::pdf_solid_angle,
+    scene::interpolate,
+};
+
+impl PathTracer<'_> {
+    /// The weighted light of what a path has come to: a light, the environment, or none.
+    #[inline(always)]
+    pub(super) fn emitted(&self, paths: &Paths, hits: &Hits, i: usize) -> Vec3A {
+        let direction = Vec3A::from(paths.rays.direction.get(i));
+        let (radiance, pdf_light) = if hits.triangle[i] == NONE {
+            (self.scene.environment.radiance(direction), self.lights.pdf_escape(direction))
+        } else {
+            let index = hits.triangle[i] as usize;
+            let facet = &self.facets[index];
+            if !facet.emits {
+                return Vec3A::ZERO;
+            }
+            let cosine = direction.dot(facet.normal.into());
+            let barycentric = Vec2::new(hits.u[i], hits.v[i]);
+            (
+                self.scene.emission(&self.scene.triangles[index], barycentric),
+                pdf_solid_angle(facet.pdf_area, hits.t[i], cosine),
+            )
+        };
+        let weight = self.weight_bsdf(paths.pdf[i], pdf_light);
+        Vec3A::from(paths.throughput.get(i)) * radiance * weight
+    }
+
+    /// Puts a path that has hit a surface into the queue for its material.
+    #[inline(always)]
+    pub(super) fn arrive(
+        &self,
+        paths: &Paths,
+        hits: &Hits,
+        from: usize,
+        queues: &mut [Queue<Points>; 2],
+    ) {
+        let index = hits.triangle[from];
+        let facet = &self.facets[index as usize];
+        let barycentric = Vec2::new(hits.u[from], hits.v[from]);
+        let direction = paths.rays.direction.get(from);
+        let (points, i) = queues[usize::from(!facet.lambert)].push();
+        // The position comes from the corners, not along the ray: its error is
+        // then that of the surface's coordinates, however far the ray has come.
+        points.position.set(i, interpolate(facet.corners, barycentric));
+        points.normal.set(i, facet.normal);
+        let shading = if facet.smooth {
+            self.smooth_normal(index, barycentric, direction)
+        } else {
+            facet.normal
+        };
+        points.shading.set(i, shading);
+        points.wo.set(i, -direction);
+        let color = if facet.textured {
+            self.scene.color(&self.scene.triangles[index as usize], barycentric)
+        } else {
+            self.scene.materials[facet.material as usize].color
+        };
+        points.color.set(i, color.into());
+        points.throughput.set(i, paths.throughput.get(from));
+        points.streams.copy(i, &paths.streams, from);
+        points.path[i] = paths.path[from];
+        points.triangle[i] = index;
+    }
+
+    fn smooth_normal(&self, triangle: u32, barycentric: Vec2, direction: Vec3) -> Vec3 {
+        let normal = self.facets[triangle as usize].normal;
+        let Some(normals) = self.scene.triangles[triangle as usize].normals else { return normal };
+        let smooth = Vec3::from(interpolate(normals, barycentric)).normalize_or(normal);
+        let smooth = if smooth.dot(normal) < 0.0 { -smooth } else { smooth };
+        // At a silhouette, a smooth normal may face away from who looks at the
+        // surface; the geometric one never does.
+        if smooth.dot(direction) * normal.dot(direction) > 0.0 { smooth } else { normal }
+    }
+}

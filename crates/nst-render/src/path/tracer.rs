@@ -1,0 +1,124 @@
+//! What paths need of a scene, and how light samples and BSDF samples share the work.
+
+use glam::Vec3;
+
+use crate::{
+    Scattering, Scene, Triangle, accelerator::Accelerator, bsdf::Prepared,
+    instructions::Instructions, light::Lights,
+};
+
+/// A scene with everything that paths need.
+pub(crate) struct PathTracer<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) accelerator: Accelerator,
+    pub(super) lights: Lights,
+    /// By triangle.
+    pub(super) facets: Vec<Facet>,
+    /// By material.
+    pub(super) scattering: Vec<Prepared>,
+    /// [`Scene::scale`], for [`offset`].
+    pub(super) scale: f32,
+    pub(super) strategy: Strategy,
+    pub(super) instructions: Instructions,
+}
+
+/// What most hits need to know of a triangle.
+#[repr(align(64))]
+pub(super) struct Facet {
+    pub(super) corners: [Vec3; 3],
+    /// Unit geometric normal.
+    pub(super) normal: Vec3,
+    pub(super) material: u32,
+    /// The density, with respect to area, of its points among light samples.
+    pub(super) pdf_area: f32,
+    pub(super) emits: bool,
+    /// Whether it scatters as Lambert's law says.
+    pub(super) lambert: bool,
+    /// Whether it has shading normals.
+    pub(super) smooth: bool,
+    /// Whether its colour comes from a texture.
+    pub(super) textured: bool,
+}
+
+/// Which samples count where lights and BSDF could both find the same light.
+/// All strategies have the same expectation; tests compare them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Strategy {
+    /// Both, weighted by the power heuristic.
+    Both,
+    #[cfg(test)]
+    LightsOnly,
+    #[cfg(test)]
+    BsdfOnly,
+}
+
+impl<'a> PathTracer<'a> {
+    pub(crate) fn new(scene: &'a Scene) -> Self {
+        let facet = |triangle: &Triangle| {
+            let material = &scene.materials[triangle.material as usize];
+            Facet {
+                corners: triangle.positions.map(Vec3::from),
+                normal: triangle.area_vector().normalize().into(),
+                material: triangle.material,
+                pdf_area: 0.0,
+                emits: material.emits(),
+                lambert: matches!(material.scattering, Scattering::Lambert),
+                smooth: triangle.normals.is_some(),
+                textured: material.color_texture.is_some(),
+            }
+        };
+        let lights = Lights::new(scene);
+        let mut facets: Vec<_> = scene.triangles.iter().map(facet).collect();
+        for (triangle, pdf_area) in lights.densities() {
+            facets[triangle as usize].pdf_area = pdf_area;
+        }
+        Self {
+            scene,
+            accelerator: Accelerator::new(&scene.triangles),
+            lights,
+            facets,
+            scattering: scene.materials.iter().map(Prepared::new).collect(),
+            scale: scene.scale(),
+            strategy: Strategy::Both,
+            instructions: Instructions::detect(),
+        }
+    }
+
+    /// The weight of a light that a BSDF sample found.
+    pub(super) fn weight_bsdf(&self, pdf_bsdf: f32, pdf_light: f32) -> f32 {
+        match self.strategy {
+            _ if pdf_bsdf == f32::INFINITY => 1.0,
+            Strategy::Both => power_heuristic(pdf_bsdf, pdf_light),
+            #[cfg(test)]
+            Strategy::LightsOnly => {
+                if pdf_light > 0.0 {
+                    0.0
+                } else {
+                    1.0
+                }
+            }
+            #[cfg(test)]
+            Strategy::BsdfOnly => 1.0,
+        }
+    }
+
+    /// The weight of a light sample.
+    #[inline(always)]
+    pub(super) fn weight_light(&self, pdf_light: f32, pdf_bsdf: f32) -> f32 {
+        match self.strategy {
+            Strategy::Both => power_heuristic(pdf_light, pdf_bsdf),
+            #[cfg(test)]
+            Strategy::LightsOnly => 1.0,
+            #[cfg(test)]
+            Strategy::BsdfOnly => 0.0,
+        }
+    }
+}
+
+/// The weight of a sample with density `pdf` beside a technique with density `other`.
+#[inline(always)]
+fn power_heuristic(pdf: f32, other: f32) -> f32 {
+    // Divided through by pdf², which may overflow when squared near a light.
+    let ratio = other / pdf;
+    1.0 / (1.0 + ratio * ratio)
+}
