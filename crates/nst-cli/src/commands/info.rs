@@ -77,7 +77,7 @@ fn scene(path: &Path) -> Result<Info, Error> {
         ),
         format!("bounds      {low} to {high}"),
     ];
-    lines.extend(scene.defaults.iter().map(|default| format!("default     {default}")));
+    lines.extend(scene.notes.iter().map(|note| format!("note        {note}")));
     let json = json!({
         "kind": "scene",
         "fingerprint": fingerprint,
@@ -95,7 +95,7 @@ fn scene(path: &Path) -> Result<Info, Error> {
             "vertical_fov": camera.vertical_fov,
         },
         "bounds": [low.to_array(), high.to_array()],
-        "defaults": scene.defaults,
+        "notes": scene.notes,
     });
     Ok(Info { json, lines })
 }

@@ -242,8 +242,8 @@ fn describe(scene: &Scene, spp: u32, start: Option<&Start>) {
         lights.count(),
         scene.materials.len()
     );
-    for default in &scene.defaults {
-        println!("           default: {default}");
+    for note in &scene.notes {
+        println!("           note: {note}");
     }
     let [width, height] = scene.size;
     println!("film       {width}x{height}, {spp} spp, paths of up to {} vertices", scene.max_depth);
