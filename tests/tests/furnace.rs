@@ -42,7 +42,8 @@ fn cube(diffuse: Vec3A, emission: Vec3A, environment: Vec3A, position: Vec3A) ->
         russian_roulette: true,
         pixel_filter: Default::default(),
         environment: Environment { radiance: environment, image: None },
-        defaults: vec![],
+        notes: vec![],
+        inputs: vec![],
     }
 }
 

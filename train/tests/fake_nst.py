@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from dataset_writer import write_dataset
 
-SCENE = "box:0123456789abcdef"
+SCENE = "box:v2:0123456789abcdef"
 DEVIATION = 0.1
 
 if __name__ == "__main__":

@@ -83,22 +83,4 @@ impl Material {
     pub fn emits(&self) -> bool {
         self.emission.max_element() > 0.0
     }
-
-    /// Hands every number of the material to `visit`, for the scene's fingerprint.
-    pub(crate) fn numbers(&self, visit: &mut impl FnMut(Vec3A)) {
-        visit(self.color);
-        visit(self.emission);
-        for texture in [&self.color_texture, &self.emission_texture].into_iter().flatten() {
-            texture.texels().iter().copied().map(Vec3A::from).for_each(&mut *visit);
-        }
-        match self.scattering {
-            Scattering::Lambert => {}
-            Scattering::Disney(d) => {
-                visit(Vec3A::new(d.metallic, d.roughness, d.specular));
-                visit(Vec3A::new(d.specular_tint, d.anisotropic, d.sheen));
-                visit(Vec3A::new(d.sheen_tint, d.clearcoat, d.clearcoat_gloss));
-            }
-            Scattering::Dielectric { ior } => visit(Vec3A::splat(ior)),
-        }
-    }
 }

@@ -1,9 +1,10 @@
 //! [`Scene`]: everything that decides what each pixel's integral is.
 
-use std::sync::Arc;
+mod fingerprint;
+
+use std::{path::PathBuf, sync::Arc};
 
 use glam::{Vec2, Vec3A};
-use sha2::{Digest, Sha256};
 
 use crate::{Camera, Material, PixelFilter, Texture};
 
@@ -74,48 +75,15 @@ pub struct Scene {
     pub pixel_filter: PixelFilter,
     /// Light from outside the scene.
     pub environment: Environment,
-    /// What the files did not say, in words for a summary.
-    pub defaults: Vec<String>,
+    /// What was assumed, as the files do not say it, and what was left out of them;
+    /// each a line of a summary.
+    pub notes: Vec<String>,
+    /// The files that the scene was read from (OBJ, MTL, TOML, images), each once, by
+    /// the paths that opened them. A job must not write to any of them.
+    pub inputs: Vec<PathBuf>,
 }
 
 impl Scene {
-    /// Names the family of integrals: the scene's name and a hash of everything
-    /// that decides a pixel's integral but the size of the film. A network that
-    /// was trained on a scene carries its fingerprint.
-    #[must_use]
-    pub fn fingerprint(&self) -> String {
-        let mut hash = Sha256::new();
-        let mut vector = |v: Vec3A| {
-            for x in v.to_array() {
-                hash.update(x.to_le_bytes());
-            }
-        };
-        for material in &self.materials {
-            material.numbers(&mut vector);
-        }
-        for triangle in &self.triangles {
-            triangle.positions.into_iter().for_each(&mut vector);
-            triangle.normals.into_iter().flatten().for_each(&mut vector);
-            triangle.uvs.into_iter().flatten().for_each(|uv| vector(Vec3A::from(uv.extend(0.0))));
-        }
-        vector(self.environment.radiance);
-        if let Some(image) = &self.environment.image {
-            image.texels().iter().copied().map(Vec3A::from).for_each(&mut vector);
-        }
-        vector(self.camera.position);
-        vector(self.camera.target);
-        vector(self.camera.up);
-        vector(Vec3A::splat(self.camera.vertical_fov));
-        for triangle in &self.triangles {
-            hash.update(triangle.material.to_le_bytes());
-        }
-        hash.update(self.max_depth.to_le_bytes());
-        hash.update([self.pixel_filter as u8]);
-        let digest: String =
-            hash.finalize()[..8].iter().map(|byte| format!("{byte:02x}")).collect();
-        format!("{}:{digest}", self.name)
-    }
-
     /// The radiance that a point of a triangle emits, to either side.
     pub(crate) fn emission(&self, triangle: &Triangle, barycentric: Vec2) -> Vec3A {
         let material = &self.materials[triangle.material as usize];

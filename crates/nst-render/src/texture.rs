@@ -1,20 +1,54 @@
 //! Images over surfaces.
 
 use glam::{Vec2, Vec3A};
+use sha2::{Digest, Sha256};
 
 /// A linear RGB image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     size: [u32; 2],
     texels: Vec<[f32; 3]>,
+    /// See [`Texture::digest`].
+    digest: [u8; 32],
 }
 
 impl Texture {
     /// An image of rows from the top; `None` unless there is one texel per pixel, and at least one.
     #[must_use]
     pub fn new(size: [u32; 2], texels: Vec<[f32; 3]>) -> Option<Self> {
+        let mut hash = Sha256::new_with_prefix("texels");
+        for number in size {
+            hash.update(number.to_le_bytes());
+        }
+        for number in texels.iter().flatten() {
+            hash.update(number.to_le_bytes());
+        }
+        Self::with_digest(size, texels, hash.finalize().into())
+    }
+
+    /// The image that the bytes of a file were decoded to; `None` as in [`Self::new`].
+    pub(crate) fn of_file(size: [u32; 2], texels: Vec<[f32; 3]>, file: &[u8]) -> Option<Self> {
+        let digest = Sha256::new_with_prefix("file").chain_update(file).finalize();
+        Self::with_digest(size, texels, digest.into())
+    }
+
+    fn with_digest(size: [u32; 2], texels: Vec<[f32; 3]>, digest: [u8; 32]) -> Option<Self> {
         let pixels = size[0] as usize * size[1] as usize;
-        (pixels > 0 && texels.len() == pixels).then_some(Self { size, texels })
+        (pixels > 0 && texels.len() == pixels).then_some(Self { size, texels, digest })
+    }
+
+    /// The same image with texels of 1 at most.
+    pub(crate) fn limited(&self) -> Self {
+        let digest = Sha256::new_with_prefix("limited").chain_update(self.digest).finalize();
+        let texels = self.texels.iter().map(|texel| texel.map(|x| x.min(1.0))).collect();
+        Self { size: self.size, texels, digest: digest.into() }
+    }
+
+    /// Names the image, for the scene's fingerprint. An image from a file is named by
+    /// the file's bytes: its texels may differ in the last bits between machines, as
+    /// decoders of sRGB and JPEG do. Any other image is named by its texels.
+    pub(crate) fn digest(&self) -> &[u8; 32] {
+        &self.digest
     }
 
     /// Width and height.
@@ -66,5 +100,30 @@ mod tests {
         assert_eq!(at(1.25, -1.25), 0.0);
         assert!(Texture::new([2, 2], vec![[0.0; 3]; 3]).is_none());
         assert!(Texture::new([0, 2], vec![]).is_none());
+    }
+
+    #[test]
+    fn digests_tell_images_apart() {
+        let texels = vec![[0.5; 3], [1.0, 2.0, 3.0]];
+        let plain = Texture::new([2, 1], texels.clone()).expect("two texels");
+        let [mut texel, mut order] = [texels.clone(), texels.clone()];
+        texel[1][2] = 3.5;
+        order.swap(0, 1);
+        let file =
+            |bytes: &[u8]| Texture::of_file([2, 1], texels.clone(), bytes).expect("two texels");
+        let digests = [
+            *plain.digest(),
+            *Texture::new([1, 2], texels.clone()).expect("two texels").digest(),
+            *Texture::new([2, 1], texel).expect("two texels").digest(),
+            *Texture::new([2, 1], order).expect("two texels").digest(),
+            *plain.limited().digest(),
+            *file(b"a").digest(),
+            *file(b"b").digest(),
+        ];
+        for (i, digest) in digests.iter().enumerate() {
+            assert!(!digests[..i].contains(digest), "{i}");
+        }
+        assert_eq!(Texture::new([2, 1], texels.clone()), Some(plain));
+        assert_eq!(file(b"a"), file(b"a"));
     }
 }

@@ -209,6 +209,8 @@ fn check(scene: &Scene) -> Result<(), TestCaseError> {
     prop_assert!(camera.vertical_fov > 0.0 && camera.vertical_fov < 180.0);
     prop_assert!(scene.size[0] > 0 && scene.size[1] > 0 && scene.max_depth > 0);
     prop_assert!(scene.environment.radiance.is_finite());
+    prop_assert!(scene.fingerprint().starts_with("x:v2:"));
+    prop_assert!(scene.inputs[0].ends_with("x.obj"), "{:?}", scene.inputs);
     Ok(())
 }
 

@@ -2,16 +2,36 @@
 
 use std::path::{Path, PathBuf};
 
+use super::{report::Report, text::quoted};
+
 /// The file that a scene file means by `name`: beside it, with the slashes of
-/// either system; a folder that only the author had is left out.
-pub(super) fn find(scene_file: &Path, name: &str) -> PathBuf {
-    let name = name.replace('\\', "/");
-    let path = scene_file.with_file_name(&name);
-    let last = name.rsplit('/').next().filter(|last| !last.is_empty());
-    match last.map(|last| scene_file.with_file_name(last)) {
-        Some(beside) if !path.exists() && beside.exists() => beside,
-        _ => path,
+/// either system. Where there is none, but one of that name without folders, it is
+/// that one, with a note: the author's folders are not on this machine.
+pub(super) fn find(scene_file: &Path, name: &str, report: &mut Report) -> PathBuf {
+    let path = named(scene_file, name);
+    let Some(last) = path.file_name() else { return path };
+    let beside = scene_file.with_file_name(last);
+    if exists(&path) || !exists(&beside) {
+        return path;
     }
+    report.note(format!("{} is not there: '{}' is used", quoted(name), beside.display()));
+    beside
+}
+
+/// Whether [`find`] finds a file.
+pub(super) fn is_found(scene_file: &Path, name: &str) -> bool {
+    let path = named(scene_file, name);
+    exists(&path) || path.file_name().is_some_and(|last| exists(&scene_file.with_file_name(last)))
+}
+
+fn named(scene_file: &Path, name: &str) -> PathBuf {
+    scene_file.with_file_name(name.replace('\\', "/"))
+}
+
+/// A file that cannot even be looked at counts as absent: the error comes, with its
+/// reason, from whoever then reads it.
+fn exists(path: &Path) -> bool {
+    path.exists()
 }
 
 /// Drops options such as `-s 1 1 1` in front of a file's name, which may have spaces.
@@ -30,7 +50,8 @@ pub(super) fn without_options(text: &str) -> &str {
         rest = rest[option.len()..].trim_start();
         for _ in 0..arguments {
             let argument = &rest[..word(rest)];
-            // The second and third number of -o, -s and -t may be left out.
+            // The second and third number of -o, -s and -t may be left out: what is no
+            // number is then the name.
             if arguments == 3 && argument.parse::<f32>().is_err() {
                 break;
             }
@@ -51,10 +72,18 @@ mod tests {
         for name in ["maps/a.png", "b c.png"] {
             std::fs::write(folder.path().join(name), "").expect("a file");
         }
-        assert_eq!(find(&mtl, "maps\\a.png"), folder.path().join("maps/a.png"));
-        assert_eq!(find(&mtl, "D:\\me\\b c.png"), folder.path().join("b c.png"));
-        assert_eq!(find(&mtl, "/home/me/b c.png"), folder.path().join("b c.png"));
-        assert_eq!(find(&mtl, "gone/a.png"), folder.path().join("gone/a.png"));
+        let cases = [
+            ("maps\\a.png", "maps/a.png", 0),
+            ("D:\\me\\b c.png", "b c.png", 1),
+            ("/home/me/b c.png", "b c.png", 1),
+            ("gone/a.png", "gone/a.png", 0),
+        ];
+        for (name, expected, notes) in cases {
+            let mut report = Report::default();
+            assert_eq!(find(&mtl, name, &mut report), folder.path().join(expected));
+            assert_eq!(report.notes.len(), notes, "{name}: {:?}", report.notes);
+            assert_eq!(is_found(&mtl, name), name != "gone/a.png", "{name}");
+        }
     }
 
     #[test]

@@ -2,18 +2,19 @@
 
 use std::{
     collections::HashMap,
+    io::Cursor,
     path::{Path, PathBuf},
     sync::Arc,
 };
 
 use image::{ColorType, DynamicImage, ImageReader, Limits};
 
-use super::mtl::RADIANCE;
 use nst_files::picture::Picture;
 
+use super::{ranges::RADIANCE, report::Report};
 use crate::{Error, Texture};
 
-/// The most memory that one image may take.
+/// The most memory that one image may take: 2 GiB, some 13,000 by 13,000 pixels of RGB in f32.
 const MOST_BYTES: u64 = 1 << 31;
 /// The most that a byte of a file may decode to: formats compress one colour to
 /// some thousandth. A header that promises more is malformed.
@@ -32,12 +33,12 @@ impl Images {
     pub(super) fn radiance(
         &mut self,
         path: &Path,
-        defaults: &mut Vec<String>,
+        report: &mut Report,
     ) -> Result<Arc<Texture>, Error> {
         if let Some(texture) = self.loaded.get(path) {
             return Ok(texture.clone());
         }
-        let texture = Arc::new(read(path, defaults)?);
+        let texture = Arc::new(read(path, report)?);
         self.loaded.insert(path.to_owned(), texture.clone());
         Ok(texture)
     }
@@ -46,36 +47,37 @@ impl Images {
     pub(super) fn reflectance(
         &mut self,
         path: &Path,
-        defaults: &mut Vec<String>,
+        report: &mut Report,
     ) -> Result<Arc<Texture>, Error> {
         if let Some(texture) = self.limited.get(path) {
             return Ok(texture.clone());
         }
-        let texture = self.radiance(path, defaults)?;
+        let texture = self.radiance(path, report)?;
         if texture.texels().iter().flatten().all(|&x| x <= 1.0) {
             return Ok(texture);
         }
-        defaults.push(format!("texels of '{}' limited to 1", path.display()));
-        let texels = texture.texels().iter().map(|texel| texel.map(|x| x.min(1.0))).collect();
-        let limited = Arc::new(new_texture(path, texture.size(), texels)?);
+        report.note(format!("texels of '{}' limited to 1", path.display()));
+        let limited = Arc::new(texture.limited());
         self.limited.insert(path.to_owned(), limited.clone());
         Ok(limited)
     }
 }
 
-fn read(path: &Path, defaults: &mut Vec<String>) -> Result<Texture, Error> {
-    let file = std::fs::metadata(path).map_err(|error| Error::io("read", path, error))?;
-    let most = MOST_BYTES.min(file.len().saturating_mul(MOST_BYTES_PER_BYTE));
+fn read(path: &Path, report: &mut Report) -> Result<Texture, Error> {
+    let bytes = report.read(path)?;
+    let most = MOST_BYTES.min((bytes.len() as u64).saturating_mul(MOST_BYTES_PER_BYTE));
     let is_exr = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
-    if is_exr { read_exr(path, most, defaults) } else { read_srgb(path, most) }
+    let (size, texels) =
+        if is_exr { read_exr(path, most, report)? } else { read_srgb(path, &bytes, most)? };
+    let no_pixels = || Error::image(path, "it has no pixels");
+    Texture::of_file(size, texels, &bytes).ok_or_else(no_pixels)
 }
 
-fn new_texture(path: &Path, size: [u32; 2], texels: Vec<[f32; 3]>) -> Result<Texture, Error> {
-    Texture::new(size, texels).ok_or_else(|| Error::image(path, "it has no pixels"))
-}
+/// Width and height, and the texels from the top.
+type Pixels = ([u32; 2], Vec<[f32; 3]>);
 
 /// PNG, JPEG, TGA or BMP: 8 or 16 bits, sRGB. Alpha is left out.
-fn read_srgb(path: &Path, most_bytes: u64) -> Result<Texture, Error> {
+fn read_srgb(path: &Path, bytes: &[u8], most_bytes: u64) -> Result<Pixels, Error> {
     let malformed = |error: image::ImageError| match error {
         image::ImageError::IoError(error) => Error::io("read", path, error),
         image::ImageError::Unsupported(_) => {
@@ -83,9 +85,13 @@ fn read_srgb(path: &Path, most_bytes: u64) -> Result<Texture, Error> {
         }
         error => Error::image(path, format!("not a readable image: {error}")),
     };
-    let mut reader = ImageReader::open(path)
-        .and_then(ImageReader::with_guessed_format)
-        .map_err(|error| Error::io("read", path, error))?;
+    let mut reader = ImageReader::new(Cursor::new(bytes));
+    // The name's ending counts where the bytes do not tell, as in TGA files.
+    if let Ok(format) = image::ImageFormat::from_path(path) {
+        reader.set_format(format);
+    }
+    let mut reader =
+        reader.with_guessed_format().map_err(|error| Error::io("read", path, error))?;
     let mut limits = Limits::default();
     limits.max_alloc = Some(most_bytes);
     reader.limits(limits);
@@ -95,8 +101,7 @@ fn read_srgb(path: &Path, most_bytes: u64) -> Result<Texture, Error> {
         image.color(),
         ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16
     );
-    let texels = if deep { decode_16(image) } else { decode_8(image) };
-    new_texture(path, size, texels)
+    Ok((size, if deep { decode_16(image) } else { decode_8(image) }))
 }
 
 fn decode_8(image: DynamicImage) -> Vec<[f32; 3]> {
@@ -115,7 +120,7 @@ fn srgb_to_linear(x: f32) -> f32 {
 }
 
 /// The channels R, G and B, or Y, as they are.
-fn read_exr(path: &Path, most_bytes: u64, defaults: &mut Vec<String>) -> Result<Texture, Error> {
+fn read_exr(path: &Path, most_bytes: u64, report: &mut Report) -> Result<Pixels, Error> {
     let picture = Picture::open(path, None)?;
     let [width, height] = picture.size.map(u64::from);
     if width * height * (size_of::<f32>() * picture.channel_names.len()) as u64 > most_bytes {
@@ -146,9 +151,9 @@ fn read_exr(path: &Path, most_bytes: u64, defaults: &mut Vec<String>) -> Result<
         texels.push(texel.map(|x| x.max(0.0)));
     }
     if negative > 0 {
-        defaults.push(format!("{negative} negative texels of '{}' set to 0", path.display()));
+        report.note(format!("negative texels of '{}', set to 0: {negative}", path.display()));
     }
-    new_texture(path, picture.size, texels)
+    Ok((picture.size, texels))
 }
 
 #[cfg(test)]
@@ -169,7 +174,7 @@ mod tests {
         for name in ["x.png", "x.bmp", "x.tga"] {
             let path = folder.path().join(name);
             image::RgbImage::from_pixel(2, 1, image::Rgb([0, 128, 255])).save(&path).expect(name);
-            let texture = Images::default().radiance(&path, &mut vec![]).expect(name);
+            let texture = Images::default().radiance(&path, &mut Report::default()).expect(name);
             assert_eq!(texture.size(), [2, 1]);
             let [r, g, b] = texture.texels()[1];
             close(r, 0.0);
@@ -179,18 +184,18 @@ mod tests {
         let path = folder.path().join("deep.png");
         let pixel = image::Rgb([655_u16, 32896, 65535]);
         image::ImageBuffer::from_pixel(1, 1, pixel).save(&path).expect("a PNG file");
-        let texture = Images::default().radiance(&path, &mut vec![]).expect("a texture");
+        let texture = Images::default().radiance(&path, &mut Report::default()).expect("a texture");
         let [r, g, _] = texture.texels()[0];
         close(r, 655.0 / 65535.0 / 12.92);
         close(g, 0.215_860_500);
         // JPEG is lossy: one level of 255 is 0.01 here.
         let path = folder.path().join("x.jpg");
         image::RgbImage::from_pixel(8, 8, image::Rgb([128; 3])).save(&path).expect("a JPEG file");
-        let texture = Images::default().radiance(&path, &mut vec![]).expect("a texture");
+        let texture = Images::default().radiance(&path, &mut Report::default()).expect("a texture");
         assert!((texture.texels()[9][0] - 0.216).abs() < 0.01);
         let grey = folder.path().join("grey.png");
         image::GrayImage::from_pixel(1, 1, image::Luma([255])).save(&grey).expect("a PNG file");
-        let texture = Images::default().radiance(&grey, &mut vec![]).expect("a texture");
+        let texture = Images::default().radiance(&grey, &mut Report::default()).expect("a texture");
         assert_eq!(texture.texels(), [[1.0; 3]]);
     }
 
@@ -199,16 +204,16 @@ mod tests {
         let folder = folder();
         let path = folder.path().join("x.exr");
         write_rgb_file(&path, 2, 1, |x, _| (2.5_f32, -1.0_f32, x as f32)).expect("an EXR file");
-        let (mut images, mut defaults) = (Images::default(), vec![]);
-        let radiance = images.radiance(&path, &mut defaults).expect("a texture");
+        let (mut images, mut report) = (Images::default(), Report::default());
+        let radiance = images.radiance(&path, &mut report).expect("a texture");
         assert_eq!(radiance.texels(), [[2.5, 0.0, 0.0], [2.5, 0.0, 1.0]]);
-        assert!(defaults[0].contains("2 negative texels"), "{defaults:?}");
-        let reflectance = images.reflectance(&path, &mut defaults).expect("a texture");
+        assert!(report.notes[0].ends_with("x.exr', set to 0: 2"), "{:?}", report.notes);
+        let reflectance = images.reflectance(&path, &mut report).expect("a texture");
         assert_eq!(reflectance.texels(), [[1.0, 0.0, 0.0], [1.0, 0.0, 1.0]]);
-        let again = images.reflectance(&path, &mut defaults).expect("a texture");
+        let again = images.reflectance(&path, &mut report).expect("a texture");
         assert!(Arc::ptr_eq(&reflectance, &again));
-        assert!(Arc::ptr_eq(&radiance, &images.radiance(&path, &mut defaults).expect("a texture")));
-        assert_eq!(defaults.len(), 2);
+        assert!(Arc::ptr_eq(&radiance, &images.radiance(&path, &mut report).expect("a texture")));
+        assert_eq!((report.notes.len(), report.inputs), (2, vec![path]));
     }
 
     #[test]
@@ -217,7 +222,10 @@ mod tests {
         let message = |name: &str, bytes: &[u8]| {
             let path = folder.path().join(name);
             std::fs::write(&path, bytes).expect("a file");
-            let error = Images::default().radiance(&path, &mut vec![]).expect_err(name).to_string();
+            let error = Images::default()
+                .radiance(&path, &mut Report::default())
+                .expect_err(name)
+                .to_string();
             assert!(error.contains(name), "{error}");
             error
         };

@@ -1,12 +1,15 @@
 //! Reads a scene: OBJ and MTL files, the images that they name, and the TOML
 //! sidecar beside them. `docs/scenes.md` describes the formats.
 
+mod exact;
 mod files;
 mod image;
 mod keys;
 mod mtl;
 mod obj;
 mod polygon;
+mod ranges;
+mod report;
 mod sidecar;
 mod text;
 mod tidy;
@@ -18,37 +21,43 @@ use glam::Vec3A;
 
 use crate::{Camera, Environment, Error, Scene, Triangle, scene::bounds};
 
-use self::{image::Images, sidecar::Sidecar, units::Unit};
+use self::{exact::length_squared, image::Images, report::Report, sidecar::Sidecar, units::Unit};
 
+/// A square picture that needs seconds, not minutes.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
+/// Enough for light from several walls; further vertices add little but time.
 const DEFAULT_MAX_DEPTH: u32 = 8;
+/// In degrees, of the camera that frames a scene: as a lens of 50 mm sees the longer
+/// side of a small picture, without much distortion.
 const DEFAULT_FOV: f32 = 40.0;
+/// sin(`DEFAULT_FOV` / 2), as f32. A constant, as machines differ in their sines.
+const SIN_HALF_FOV: f32 = 0.342_020_12;
 
 impl Scene {
     /// Reads an OBJ file, the MTL files and images that it names, and the sidecar
     /// (`x.toml` beside `x.obj`) if there is one. What the files leave open gets
-    /// a default, which [`Scene::defaults`] names.
+    /// a default, which [`Scene::notes`] names.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Scene`] or [`Error::Image`] names the file, where
     /// in it, and what is wrong.
     pub fn load(path: &Path) -> Result<Self, Error> {
-        let mut defaults = Vec::new();
+        let mut report = Report::default();
         let mut images = Images::default();
-        let (mut triangles, mut materials) = obj::load(path, &mut images, &mut defaults)?;
+        let (mut triangles, mut materials) = obj::load(path, &mut images, &mut report)?;
         let unit = Unit::of(&triangles);
-        unit.scale(&mut triangles, &mut defaults);
-        drop_degenerate(path, &mut triangles, &mut defaults)?;
+        unit.scale(&mut triangles, &mut report);
+        drop_degenerate(path, &mut triangles, &mut report)?;
 
         let sidecar_path = path.with_extension("toml");
-        let sidecar = Sidecar::read(&sidecar_path, &mut materials, &mut images, &mut defaults)?;
+        let sidecar = Sidecar::read(&sidecar_path, &mut materials, &mut images, &mut report)?;
         let camera = match sidecar.camera {
             Some(camera) => unit.scale_camera(camera, &triangles).ok_or_else(|| {
                 let message = "[camera] is too far from the scene, or too near its target, for f32";
                 Error::scene(&sidecar_path, message)
             })?,
             None => {
-                defaults.push("a camera that frames the bounding box".to_owned());
+                report.note("no camera is given: it frames the bounding box");
                 framing_camera(&triangles)
             }
         };
@@ -57,7 +66,7 @@ impl Scene {
             if lit {
                 return Environment::default();
             }
-            defaults.push("a uniform white environment, as nothing emits light".to_owned());
+            report.note("nothing emits light: a uniform white environment does");
             Environment { radiance: Vec3A::ONE, image: None }
         });
         Ok(Self {
@@ -70,7 +79,8 @@ impl Scene {
             russian_roulette: sidecar.russian_roulette.unwrap_or(true),
             pixel_filter: Default::default(),
             environment,
-            defaults,
+            notes: report.notes,
+            inputs: report.inputs,
         })
     }
 }
@@ -79,16 +89,16 @@ impl Scene {
 fn drop_degenerate(
     path: &Path,
     triangles: &mut Vec<Triangle>,
-    defaults: &mut Vec<String>,
+    report: &mut Report,
 ) -> Result<(), Error> {
     let all = triangles.len();
-    triangles.retain(|triangle| triangle.area_vector().length_squared().is_normal());
+    triangles.retain(|triangle| length_squared(triangle.area_vector()).is_normal());
     if triangles.is_empty() {
         let message = "all of its faces have zero area; there is nothing to render";
         return Err(Error::scene(path, message));
     }
     if triangles.len() < all {
-        defaults.push(format!("{} triangles of zero area left out", all - triangles.len()));
+        report.note(format!("triangles of zero area, left out: {}", all - triangles.len()));
     }
     Ok(())
 }
@@ -98,9 +108,10 @@ fn drop_degenerate(
 fn framing_camera(triangles: &[Triangle]) -> Camera {
     let (low, high) = bounds(triangles);
     let target = low * 0.5 + high * 0.5;
-    let radius = (high - low).length() / 2.0;
-    let distance = radius / (DEFAULT_FOV.to_radians() / 2.0).sin();
-    let direction = Vec3A::new(0.5, 0.35, 1.0).normalize();
+    let radius = length_squared(high - low).sqrt() / 2.0;
+    let distance = radius / SIN_HALF_FOV;
+    let direction = Vec3A::new(0.5, 0.35, 1.0);
+    let direction = direction / length_squared(direction).sqrt();
     Camera {
         position: target + direction * distance,
         target,

@@ -8,8 +8,11 @@ use std::{
 use glam::Vec3A;
 
 use super::{
+    exact::fourth_root,
     files::{find, without_options},
     image::Images,
+    ranges::{FINITE, IOR, NOT_NEGATIVE, RADIANCE, UNIT},
+    report::Report,
     text::{self, Line, error_at, number_within, quoted},
 };
 use crate::{Disney, Error, Material, Scattering};
@@ -18,16 +21,12 @@ use crate::{Disney, Error, Material, Scattering};
 const DEFAULT_COLOR: f32 = 0.8;
 /// Index of refraction of a transparent material that does not say: glass.
 const DEFAULT_IOR: f32 = 1.5;
-/// The indices of refraction that a dielectric may have.
-pub(super) const IOR: RangeInclusive<f32> = 0.1..=10.0;
-pub(super) const UNIT: RangeInclusive<f32> = 0.0..=1.0;
-/// What f32 can multiply with areas and textures; the sun is some 1e9 W/(m² sr).
-pub(super) const RADIANCE: RangeInclusive<f32> = 0.0..=1e15;
-const NOT_NEGATIVE: RangeInclusive<f32> = 0.0..=f32::MAX;
-const ANY: RangeInclusive<f32> = f32::MIN..=f32::MAX;
 
-/// Keys that change the look of a surface, but that no renderer here reads.
-const NOTED: [&str; 6] = ["map_d", "map_tr", "map_pr", "map_pm", "map_ps", "map_ks"];
+/// Keys that change the look of a surface, but that nothing here reads.
+const NOTED: [&str; 13] = [
+    "map_d", "map_tr", "map_pr", "map_pm", "map_ps", "map_ks", "map_ns", "map_bump", "bump",
+    "norm", "disp", "decal", "refl",
+];
 
 /// What a material's statements say, in the file's own terms.
 #[derive(Default)]
@@ -61,11 +60,10 @@ struct Statements {
 pub(super) fn load(
     path: &Path,
     images: &mut Images,
-    defaults: &mut Vec<String>,
+    report: &mut Report,
 ) -> Result<Vec<Material>, Error> {
-    let text = text::read(path)?;
+    let text = text::read(path, report)?;
     let mut all: Vec<Statements> = Vec::new();
-    let mut noted = Vec::new();
     for line in text::lines(&text) {
         let key = line.keyword().to_ascii_lowercase();
         if key == "newmtl" {
@@ -74,24 +72,31 @@ pub(super) fn load(
             }
             all.push(Statements { name: line.name().to_owned(), ..Default::default() });
         } else if let Some(statements) = all.last_mut() {
-            statements.read(path, &key, &line).map_err(|message| {
+            statements.read(path, &key, &line, report).map_err(|message| {
                 let name = quoted(&statements.name);
                 line.error(path, format!("material {name}: {message}"))
             })?;
-            if NOTED.contains(&key.as_str()) && !noted.contains(&key) {
-                defaults.push(format!("{} left out", line.keyword()));
-                noted.push(key);
+            if NOTED.contains(&key.as_str()) {
+                report.note(format!("{} left out", line.keyword()));
             }
         } else {
             let message = format!("{} before the first newmtl", quoted(line.keyword()));
             return Err(line.error(path, message));
         }
     }
-    all.into_iter().map(|statements| statements.material(path, images, defaults)).collect()
+    all.into_iter().map(|statements| statements.material(path, images, report)).collect()
 }
 
 impl Statements {
-    fn read(&mut self, path: &Path, key: &str, line: &Line) -> Result<(), String> {
+    /// Reads a statement. Keys that are not in the list are left out: there is no end
+    /// of them, and [`NOTED`] has those that one would miss.
+    fn read(
+        &mut self,
+        path: &Path,
+        key: &str,
+        line: &Line,
+        report: &mut Report,
+    ) -> Result<(), String> {
         let number = |range| {
             let word = line.words().find(|&word| word != "-halo");
             let word = word.ok_or_else(|| format!("{} without a number", line.keyword()))?;
@@ -102,7 +107,7 @@ impl Statements {
             "ks" => self.ks = Some(color(line, &UNIT)?),
             "ke" => self.ke = Some(color(line, &RADIANCE)?),
             "ns" => self.ns = Some(number(NOT_NEGATIVE)?),
-            "ni" => self.ni = Some((line.number, number(ANY)?)),
+            "ni" => self.ni = Some((line.number, number(FINITE)?)),
             "d" => self.d = Some(number(UNIT)?),
             "tr" => self.tr = Some(number(UNIT)?),
             "illum" => self.illum = number(0.0..=10.0)? as u32,
@@ -112,8 +117,8 @@ impl Statements {
             "pc" => self.pc = Some(number(UNIT)?),
             "pcr" => self.pcr = Some(number(UNIT)?),
             "aniso" => self.aniso = Some(number(UNIT)?),
-            "map_kd" => self.map_kd = Some(image_file(path, line)?),
-            "map_ke" => self.map_ke = Some(image_file(path, line)?),
+            "map_kd" => self.map_kd = Some(image_file(path, line, report)?),
+            "map_ke" => self.map_ke = Some(image_file(path, line, report)?),
             _ => {}
         }
         Ok(())
@@ -123,7 +128,7 @@ impl Statements {
         self,
         path: &Path,
         images: &mut Images,
-        defaults: &mut Vec<String>,
+        report: &mut Report,
     ) -> Result<Material, Error> {
         let scattering = self.scattering(path)?;
         // Black times a texture is what some exporters write, but nobody means.
@@ -134,12 +139,12 @@ impl Statements {
         let mut material = Material {
             color: tint(self.kd, &self.map_kd).unwrap_or(Vec3A::splat(DEFAULT_COLOR)),
             color_texture: match &self.map_kd {
-                Some(file) => Some(images.reflectance(file, defaults)?),
+                Some(file) => Some(images.reflectance(file, report)?),
                 None => None,
             },
             emission: tint(self.ke, &self.map_ke).unwrap_or(Vec3A::ZERO),
             emission_texture: match &self.map_ke {
-                Some(file) => Some(images.radiance(file, defaults)?),
+                Some(file) => Some(images.radiance(file, report)?),
                 None => None,
             },
             scattering,
@@ -170,7 +175,7 @@ impl Statements {
         Ok(Scattering::Disney(Disney {
             specular: ks.max_element(),
             // α² = 2 / (Ns + 2), where α = roughness².
-            roughness: (2.0 / (ns + 2.0)).powf(0.25),
+            roughness: fourth_root(2.0 / (ns + 2.0)),
             metallic: if self.mirror().is_some() { 1.0 } else { 0.0 },
             ..Default::default()
         }))
@@ -233,12 +238,17 @@ fn color(line: &Line, range: &RangeInclusive<f32>) -> Result<Vec3A, String> {
 }
 
 /// The file that `map_Kd -options FILE` names.
-fn image_file(mtl: &Path, line: &Line) -> Result<PathBuf, String> {
-    let name = without_options(line.name()).trim_matches('"');
+fn image_file(mtl: &Path, line: &Line, report: &mut Report) -> Result<PathBuf, String> {
+    let name = without_options(line.name());
+    let options = line.name()[..line.name().len() - name.len()].trim_end();
+    let name = name.trim_matches('"');
     if name.is_empty() {
         return Err(format!("{} names no file", line.keyword()));
     }
-    let file = find(mtl, name);
+    if !options.is_empty() {
+        report.note(format!("options {} of {} left out", quoted(options), line.keyword()));
+    }
+    let file = find(mtl, name, report);
     match std::fs::metadata(&file) {
         Ok(_) => Ok(file),
         Err(error) => Err(format!("{}: cannot read '{}': {error}", line.keyword(), file.display())),
@@ -254,7 +264,8 @@ mod tests {
         let path = folder.path().join("x.mtl");
         std::fs::write(&path, text).expect("a file");
         image::RgbImage::new(1, 1).save(folder.path().join("a b.png")).expect("an image");
-        super::load(&path, &mut Images::default(), &mut vec![]).map_err(|error| error.to_string())
+        super::load(&path, &mut Images::default(), &mut Report::default())
+            .map_err(|error| error.to_string())
     }
 
     fn material(statements: &str) -> Material {

@@ -8,60 +8,58 @@ use std::{
 use glam::{Vec2, Vec3A};
 
 use super::{
-    files::find,
+    exact::unit_or_zero,
+    files::{find, is_found},
     image::Images,
     mtl,
     polygon::Triangulator,
+    report::Report,
     text::{self, quoted},
-    tidy::tidy,
+    tidy::{WHOLE, tidy},
 };
 use crate::{Error, Material, Scattering, Triangle};
 
-/// Reflectance of triangles without a material.
+/// Reflectance of triangles without a material: as light as white paint.
 const DEFAULT_COLOR: f32 = 0.8;
-/// Texture coordinates from here on have no fraction, so no place in a texture.
-const WHOLE: f32 = 8_388_608.0;
 
 /// Reads the triangles of an OBJ file, in the order of its faces, and the
 /// materials of the MTL files that it names.
 pub(super) fn load(
     path: &Path,
     images: &mut Images,
-    defaults: &mut Vec<String>,
+    report: &mut Report,
 ) -> Result<(Vec<Triangle>, Vec<Material>), Error> {
-    let text = text::read(path)?;
+    let text = text::read(path, report)?;
     let mut materials = Vec::new();
-    for library in libraries(path, &text)? {
-        materials.append(&mut mtl::load(&library, images, defaults)?);
+    for library in libraries(path, &text, report)? {
+        materials.append(&mut mtl::load(&library, images, report)?);
     }
     // Where a name occurs twice, the later material counts.
     let names = (0..).zip(&materials).map(|(id, m): (u32, &Material)| (m.name.as_str(), id));
     let tidied = tidy(path, &text, &names.collect())?;
     drop(text);
 
-    let mut triangles = triangulate(path, &tidied.text, materials.len() as u32)?;
+    let mut triangles = triangulate(path, &tidied.text, materials.len() as u32, report)?;
     if triangles.is_empty() {
         return Err(Error::scene(path, "it has no faces; there is nothing to render"));
     }
-    if tidied.short_faces > 0 {
-        defaults.push(format!("{} faces of less than three corners left out", tidied.short_faces));
-    }
-    add_default_material(&mut triangles, &mut materials, &tidied.unknown, defaults);
+    tidied.losses.note(report);
+    add_default_material(&mut triangles, &mut materials, &tidied.unknown, report);
     Ok((triangles, materials))
 }
 
 /// The MTL files, each once, in the order of the file. A name with spaces means
 /// one file if there is one, and several otherwise.
-fn libraries(path: &Path, text: &str) -> Result<Vec<PathBuf>, Error> {
+fn libraries(path: &Path, text: &str, report: &mut Report) -> Result<Vec<PathBuf>, Error> {
     let mut libraries = Vec::new();
     for line in text::lines(text).filter(|line| line.keyword() == "mtllib") {
         if line.name().is_empty() {
             return Err(line.error(path, "mtllib without a name"));
         }
-        let whole = find(path, line.name());
-        let parts: Vec<_> = line.words().map(|name| find(path, name)).collect();
-        let several = !whole.exists() && parts.iter().any(|part| part.exists());
-        for library in if several { parts } else { vec![whole] } {
+        let several = !is_found(path, line.name()) && line.words().any(|name| is_found(path, name));
+        let names = if several { line.words().collect() } else { vec![line.name()] };
+        for name in names {
+            let library = find(path, name, report);
             if let Err(error) = std::fs::metadata(&library) {
                 let message = format!("mtllib: cannot read '{}': {error}", library.display());
                 return Err(line.error(path, message));
@@ -74,10 +72,18 @@ fn libraries(path: &Path, text: &str) -> Result<Vec<PathBuf>, Error> {
     Ok(libraries)
 }
 
-fn triangulate(path: &Path, text: &str, materials: u32) -> Result<Vec<Triangle>, Error> {
+/// Triangles of the tidied text; those that name no material, or an unknown one, have
+/// the one behind the last.
+fn triangulate(
+    path: &Path,
+    text: &str,
+    materials: u32,
+    report: &mut Report,
+) -> Result<Vec<Triangle>, Error> {
     let options =
         tobj::LoadOptions { ignore_points: true, ignore_lines: true, ..Default::default() };
     let names = || Ok((vec![], (0..materials as usize).map(|id| (id.to_string(), id)).collect()));
+    // The materials that tobj returns are no more than the names that it is given.
     let (models, _) = tobj::load_obj_buf(&mut text.as_bytes(), &options, |_| names())
         .map_err(|error| Error::scene(path, error.to_string()))?;
 
@@ -100,6 +106,11 @@ fn triangulate(path: &Path, text: &str, materials: u32) -> Result<Vec<Triangle>,
                 triangles.push(Corner::triangle(triangle.map(|i| corners[i]), material));
             }
         }
+    }
+    if triangulator.uncut > 0 {
+        let count = triangulator.uncut;
+        report
+            .note(format!("faces that cross themselves, cut into fans that may overlap: {count}"));
     }
     Ok(triangles)
 }
@@ -136,17 +147,12 @@ impl Corner {
     }
 }
 
-/// The unit vector; normals of any length have one, also where f32 cannot square it.
-fn unit_or_zero(v: Vec3A) -> Vec3A {
-    let unit = v.normalize_or_zero();
-    if unit == Vec3A::ZERO { v.as_dvec3().normalize_or_zero().as_vec3a() } else { unit }
-}
-
+/// Gives the triangles that need one a grey material, and says so.
 fn add_default_material(
     triangles: &mut [Triangle],
     materials: &mut Vec<Material>,
     unknown: &BTreeSet<String>,
-    defaults: &mut Vec<String>,
+    report: &mut Report,
 ) {
     let default = materials.len() as u32;
     if !triangles.iter().any(|triangle| triangle.material == default) {
@@ -158,7 +164,7 @@ fn add_default_material(
         let more = if unknown.len() > names.len() { ", …" } else { "" };
         note += &format!(", or one that no MTL file has ({}{more})", names.join(", "));
     }
-    defaults.push(note);
+    report.note(note);
     materials.push(Material {
         name: "default".to_owned(),
         color: Vec3A::splat(DEFAULT_COLOR),

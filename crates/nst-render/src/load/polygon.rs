@@ -4,20 +4,23 @@ use earcut::Earcut;
 use glam::{DVec2, DVec3, Vec3A};
 
 /// Sine of the angle by which a corner may bend inwards before it counts as
-/// concave: corners on a straight edge do so by rounding.
+/// concave: corners on a straight edge do so by rounding, of f32, which is 6e-8
+/// of the coordinates.
 const STRAIGHT: f64 = 1e-6;
-/// Share of a polygon's area by which its triangles may miss it; they miss
-/// those that cross themselves by much more.
+/// Share of a polygon's area by which its triangles may miss it. Rounding of f64 is
+/// far below; polygons that cross themselves are missed by far more.
 const AREA_TOLERANCE: f64 = 1e-6;
 
 /// Cuts polygons into triangles.
 pub(super) struct Triangulator {
     earcut: Earcut<f64>,
+    /// How many concave polygons were no use to the ear cutter, so that they became fans.
+    pub(super) uncut: usize,
 }
 
 impl Triangulator {
     pub(super) fn new() -> Self {
-        Self { earcut: Earcut::new() }
+        Self { earcut: Earcut::new(), uncut: 0 }
     }
 
     /// Corners of triangles that cover the polygon, wound as it is. A convex
@@ -33,9 +36,13 @@ impl Triangulator {
         if flat.is_empty() || is_convex(&flat) {
             return fan();
         }
-        self.cut_ears(&flat).unwrap_or_else(fan)
+        self.cut_ears(&flat).unwrap_or_else(|| {
+            self.uncut += 1;
+            fan()
+        })
     }
 
+    /// `None` where the triangles do not cover the polygon.
     fn cut_ears(&mut self, polygon: &[DVec2]) -> Option<Vec<[usize; 3]>> {
         let mut corners: Vec<usize> = Vec::new();
         self.earcut.earcut(polygon.iter().map(|p| p.to_array()), &[], &mut corners);
@@ -167,16 +174,18 @@ mod tests {
         let fan = |polygon: &[[f32; 2]]| {
             let corners: Vec<_> = polygon.iter().map(|p| Vec3A::new(p[0], p[1], 0.0)).collect();
             let expected: Vec<_> = (2..corners.len()).map(|i| [0, i - 1, i]).collect();
-            assert_eq!(Triangulator::new().triangulate(&corners), expected, "{polygon:?}");
+            let mut triangulator = Triangulator::new();
+            assert_eq!(triangulator.triangulate(&corners), expected, "{polygon:?}");
+            triangulator.uncut
         };
-        fan(&[[0., 0.], [1., 0.], [0., 1.]]);
-        fan(&[[0., 0.], [1., 0.], [2., 0.], [2., 1.], [0., 1.]]);
+        assert_eq!(fan(&[[0., 0.], [1., 0.], [0., 1.]]), 0);
+        assert_eq!(fan(&[[0., 0.], [1., 0.], [2., 0.], [2., 1.], [0., 1.]]), 0);
         // A bow tie, a pentagram, a line and a point.
-        fan(&[[0., 0.], [1., 1.], [1., 0.], [0., 1.5]]);
+        assert_eq!(fan(&[[0., 0.], [1., 1.], [1., 0.], [0., 1.5]]), 1);
         let star = star();
-        fan(&[0, 4, 8, 2, 6].map(|i| star[i]));
-        fan(&[[0., 0.], [1., 0.], [2., 0.], [3., 0.]]);
-        fan(&[[1., 1.]; 5]);
+        assert_eq!(fan(&[0, 4, 8, 2, 6].map(|i| star[i])), 1);
+        assert_eq!(fan(&[[0., 0.], [1., 0.], [2., 0.], [3., 0.]]), 0);
+        assert_eq!(fan(&[[1., 1.]; 5]), 0);
         assert!(Triangulator::new().triangulate(&[Vec3A::ZERO; 2]).is_empty());
     }
 }

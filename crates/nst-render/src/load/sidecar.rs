@@ -1,16 +1,19 @@
 //! The TOML file beside an OBJ file: what OBJ has no place for.
 
-use std::{collections::BTreeMap, ops::RangeInclusive, path::Path};
+use std::{collections::BTreeMap, io::ErrorKind, ops::RangeInclusive, path::Path};
 
 use glam::Vec3A;
 use serde::Deserialize;
 
 use super::{
+    exact::length_squared,
     files::find,
     image::Images,
     keys::{Document, Table, suggestion},
-    mtl::{IOR, RADIANCE, UNIT, make_dielectric},
-    text::scene_error,
+    mtl::make_dielectric,
+    ranges::{IOR, RADIANCE, UNIT, is_within},
+    report::Report,
+    text::{error_at, scene_error},
 };
 use crate::{Camera, Disney, Environment, Error, Material, Scattering};
 
@@ -43,6 +46,14 @@ const TABLES: [Table; 5] = [
         of_tables: true,
     },
 ];
+
+/// Path vertices of `kind = "direct"`: a surface, and the light that it reflects.
+const DIRECT_DEPTH: u32 = 2;
+/// Sine of the least angle between the view and the direction up: what is nearer
+/// leaves f32 three digits to say which way is up.
+const LEAST_UP_SINE: f64 = 1e-4;
+/// Lengths of the direction up that f32 can square and multiply with others.
+const UP_LENGTHS: RangeInclusive<f32> = 1e-6..=1e6;
 
 /// What the file says; what it leaves out is `None`, or the format's default.
 #[derive(Debug, Default)]
@@ -85,7 +96,7 @@ struct FilmTable {
     size: [u32; 2],
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct IntegratorTable {
     #[serde(default)]
@@ -136,95 +147,137 @@ impl Sidecar {
         path: &Path,
         materials: &mut [Material],
         images: &mut Images,
-        defaults: &mut Vec<String>,
+        report: &mut Report,
     ) -> Result<Self, Error> {
-        let bytes = match std::fs::read(path) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                return Ok(Self::default());
-            }
-            bytes => bytes.map_err(|error| Error::io("read", path, error))?,
-        };
+        let Some(text) = read_text(path, report)? else { return Ok(Self::default()) };
         let malformed = |message: String| scene_error(path, &message);
-        let text = str::from_utf8(&bytes).map_err(|error| {
-            let before = &bytes[..error.valid_up_to()];
-            let line = before.iter().filter(|&&byte| byte == b'\n').count() + 1;
-            malformed(format!("line {line}: this is not UTF-8"))
-        })?;
-        let document = Document::parse(text).map_err(malformed)?;
+        let document = Document::parse(&text).map_err(malformed)?;
         document.check(&TABLES).map_err(malformed)?;
         let tables: Tables =
-            toml::from_str(text).map_err(|error| malformed(format!("\n{error}")))?;
+            toml::from_str(&text).map_err(|error| malformed(format!("\n{error}")))?;
 
-        let refused = |keys: &[&str], message: &str| {
-            let place = match keys {
-                [table @ .., key] => format!("[{}] {key} ", table.join(".")),
-                [] => String::new(),
-            };
-            malformed(document.error(keys, &format!("{place}{message}")))
+        let place = Place { path, document };
+        let integrator = tables.integrator.unwrap_or_default();
+        let sidecar = Self {
+            camera: tables.camera.map(|table| place.camera(table)).transpose()?,
+            size: tables.film.map(|table| place.size(&table)).transpose()?,
+            max_depth: place.max_depth(&integrator, report)?,
+            russian_roulette: integrator.russian_roulette,
+            environment: tables
+                .environment
+                .map(|table| place.environment(table, images, report))
+                .transpose()?,
         };
-        let mut sidecar = Self::default();
-        if let Some(camera) = tables.camera {
-            sidecar.camera = Some(camera.check().map_err(|(key, m)| refused(&["camera", key], m))?);
-        }
-        if let Some(film) = tables.film {
-            if film.size.contains(&0) {
-                return Err(refused(&["film", "size"], "must be at least 1 by 1"));
-            }
-            sidecar.size = Some(film.size);
-        }
-        if let Some(integrator) = tables.integrator {
-            if integrator.max_depth == Some(0) {
-                return Err(refused(&["integrator", "max_depth"], "must be at least 1"));
-            }
-            sidecar.max_depth = match integrator.kind {
-                IntegratorKind::Path => integrator.max_depth,
-                IntegratorKind::Direct => Some(2),
-            };
-            sidecar.russian_roulette = integrator.russian_roulette;
-        }
-        if let Some(environment) = tables.environment {
-            if environment.radiance.is_none() && environment.image.is_none() {
-                let message =
-                    document.error(&["environment"], "[environment] needs radiance, image or both");
-                return Err(malformed(message));
-            }
-            let radiance = Vec3A::from(environment.radiance.unwrap_or([1.0; 3]));
-            if !is_within(radiance, &RADIANCE) {
-                let message = "must be within 0 and 1e15";
-                return Err(refused(&["environment", "radiance"], message));
-            }
-            let image = match environment.image {
-                Some(name) => {
-                    let file = find(path, &name);
-                    std::fs::metadata(&file).map_err(|error| {
-                        let message = format!("cannot be read: '{}': {error}", file.display());
-                        refused(&["environment", "image"], &message)
-                    })?;
-                    Some(images.radiance(&file, defaults)?)
-                }
-                None => None,
-            };
-            sidecar.environment = Some(Environment { radiance, image });
-        }
         for (name, table) in &tables.materials {
-            // Where a name occurs twice, the later material is the one in use.
-            let Some(material) = materials.iter_mut().rev().find(|m| m.name == *name) else {
-                let names: Vec<_> = materials.iter().map(|m| m.name.as_str()).collect();
-                let message =
-                    format!("the scene has no material '{name}'; {}", suggestion(name, &names));
-                return Err(malformed(document.error(&["materials", name], &message)));
-            };
-            table
-                .apply(material)
-                .map_err(|(key, message)| refused(&["materials", name, key], &message))?;
+            place.override_material(name, table, materials)?;
         }
         Ok(sidecar)
     }
 }
 
-/// Finite, as `range` is.
-fn is_within(v: Vec3A, range: &RangeInclusive<f32>) -> bool {
-    v.to_array().iter().all(|x| range.contains(x))
+/// The file's text; `None` if there is no file.
+fn read_text(path: &Path, report: &mut Report) -> Result<Option<String>, Error> {
+    let bytes = match report.read(path) {
+        Err(Error::Io { source, .. }) if source.kind() == ErrorKind::NotFound => return Ok(None),
+        bytes => bytes?,
+    };
+    let text = String::from_utf8(bytes).map_err(|error| {
+        let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+        let line = before.iter().filter(|&&byte| byte == b'\n').count() + 1;
+        error_at(path, line, "this is not UTF-8")
+    })?;
+    Ok(Some(text))
+}
+
+/// The file that tables are from, for errors that name the line of a key.
+struct Place<'a> {
+    path: &'a Path,
+    document: Document<'a>,
+}
+
+impl Place<'_> {
+    /// `[table.inner] key message`, at the line of the last of `keys` that is there.
+    fn error(&self, keys: &[&str], message: &str) -> Error {
+        let named = match keys {
+            [table @ .., key] => format!("[{}] {key} {message}", table.join(".")),
+            [] => message.to_owned(),
+        };
+        self.error_as_is(keys, &named)
+    }
+
+    /// `message`, at the line of the last of `keys` that is there.
+    fn error_as_is(&self, keys: &[&str], message: &str) -> Error {
+        scene_error(self.path, &self.document.error(keys, message))
+    }
+
+    fn camera(&self, table: CameraTable) -> Result<Camera, Error> {
+        table.check().map_err(|(key, message)| self.error(&["camera", key], message))
+    }
+
+    fn size(&self, table: &FilmTable) -> Result<[u32; 2], Error> {
+        if table.size.contains(&0) {
+            return Err(self.error(&["film", "size"], "must be at least 1 by 1"));
+        }
+        Ok(table.size)
+    }
+
+    fn max_depth(
+        &self,
+        table: &IntegratorTable,
+        report: &mut Report,
+    ) -> Result<Option<u32>, Error> {
+        match (&table.kind, table.max_depth) {
+            (_, Some(0)) => Err(self.error(&["integrator", "max_depth"], "must be at least 1")),
+            (IntegratorKind::Path, depth) => Ok(depth),
+            (IntegratorKind::Direct, depth) => {
+                if let Some(depth) = depth.filter(|&depth| depth != DIRECT_DEPTH) {
+                    report
+                        .note(format!("max_depth = {depth} left out, as kind = 'direct' sets it"));
+                }
+                Ok(Some(DIRECT_DEPTH))
+            }
+        }
+    }
+
+    fn environment(
+        &self,
+        table: EnvironmentTable,
+        images: &mut Images,
+        report: &mut Report,
+    ) -> Result<Environment, Error> {
+        if table.radiance.is_none() && table.image.is_none() {
+            let message = "[environment] needs radiance, image or both";
+            return Err(self.error_as_is(&["environment"], message));
+        }
+        let radiance = Vec3A::from(table.radiance.unwrap_or([1.0; 3]));
+        if !is_within(radiance, &RADIANCE) {
+            return Err(self.error(&["environment", "radiance"], "must be within 0 and 1e15"));
+        }
+        let Some(name) = table.image else { return Ok(Environment { radiance, image: None }) };
+        let file = find(self.path, &name, report);
+        std::fs::metadata(&file).map_err(|error| {
+            let message = format!("cannot be read: '{}': {error}", file.display());
+            self.error(&["environment", "image"], &message)
+        })?;
+        Ok(Environment { radiance, image: Some(images.radiance(&file, report)?) })
+    }
+
+    fn override_material(
+        &self,
+        name: &str,
+        table: &MaterialTable,
+        materials: &mut [Material],
+    ) -> Result<(), Error> {
+        // Where a name occurs twice, the later material is the one in use.
+        let Some(material) = materials.iter_mut().rev().find(|m| m.name == name) else {
+            let names: Vec<_> = materials.iter().map(|m| m.name.as_str()).collect();
+            let hint = suggestion(name, &names);
+            let message = format!("the scene has no material '{name}'; {hint}");
+            return Err(self.error_as_is(&["materials", name], &message));
+        };
+        let refused = |(key, message): (_, String)| self.error(&["materials", name, key], &message);
+        table.apply(material).map_err(refused)
+    }
 }
 
 impl CameraTable {
@@ -240,13 +293,13 @@ impl CameraTable {
         if position == target {
             return Err(("target", "must differ from position"));
         }
-        if forward.cross(up.as_dvec3().normalize_or_zero()).length() < 1e-4 {
+        if forward.cross(up.as_dvec3().normalize_or_zero()).length() < LEAST_UP_SINE {
             return Err(("up", "must not be zero or parallel to the view"));
         }
         if !(self.vertical_fov > 0.0 && self.vertical_fov < 180.0) {
             return Err(("vertical_fov", "must lie between 0 and 180 degrees"));
         }
-        let squarable = (1e-6..=1e6).contains(&up.length());
+        let squarable = UP_LENGTHS.contains(&length_squared(up).sqrt());
         let up = if squarable { up } else { up.as_dvec3().normalize().as_vec3a() };
         Ok(Camera { position, target, up, vertical_fov: self.vertical_fov })
     }

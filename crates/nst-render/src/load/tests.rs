@@ -1,5 +1,7 @@
 //! Whole scenes, from files to [`Scene`].
 
+mod told;
+
 use std::sync::Arc;
 
 use glam::Vec2;
@@ -31,15 +33,6 @@ fn scene(obj: &str) -> Scene {
 
 fn material<'a>(scene: &'a Scene, name: &str) -> &'a Material {
     scene.materials.iter().find(|m| m.name == name).expect(name)
-}
-
-/// Networks know the scene by this name: reading it must not change a bit.
-#[test]
-fn the_cornell_box_keeps_its_fingerprint() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell/cornell.obj");
-    let scene = Scene::load(&path).expect("the scene of this repository");
-    assert_eq!(scene.fingerprint(), "cornell:252e1db9e62cb833");
-    assert!(scene.defaults.is_empty(), "{:?}", scene.defaults);
 }
 
 #[test]
@@ -84,8 +77,8 @@ fn objects_groups_and_materials_in_the_order_of_the_file() {
     let names: Vec<_> =
         scene.triangles.iter().map(|t| &*scene.materials[t.material as usize].name).collect();
     assert_eq!(names, ["a b", "c", "c", "default", "a b"]);
-    assert!(scene.defaults[0].contains("grey material (0.8)"), "{:?}", scene.defaults);
-    assert!(scene.defaults[0].contains("'gone'"), "{:?}", scene.defaults);
+    assert!(scene.notes[0].contains("grey material (0.8)"), "{:?}", scene.notes);
+    assert!(scene.notes[0].contains("'gone'"), "{:?}", scene.notes);
 }
 
 #[test]
@@ -140,7 +133,7 @@ fn units_do_not_matter() {
                 assert!(a.distance(b) < 1e-5, "{unit}: {a} is not {b}");
             }
             assert_eq!(
-                scene.defaults.iter().any(|d| d.contains("scaled")),
+                scene.notes.iter().any(|d| d.contains("scaled")),
                 !["e-3", "e0", "e5"].contains(&unit)
             );
         }
@@ -152,9 +145,9 @@ fn degenerate_faces_are_left_out_and_counted() {
     let scene =
         scene(&format!("{VERTICES}v 2 0 0\nf 1 2 3\nf 1 1 2\nf 1 2 4\nf 1 2\nl 1 2 3\np 1\n"));
     assert_eq!(scene.triangles.len(), 1);
-    let all = scene.defaults.join("; ");
-    assert!(all.contains("2 triangles of zero area"), "{all}");
-    assert!(all.contains("1 faces of less than three corners"), "{all}");
+    let all = scene.notes.join("; ");
+    assert!(all.contains("triangles of zero area, left out: 2"), "{all}");
+    assert!(all.contains("faces of fewer than three corners, left out: 1"), "{all}");
 }
 
 #[test]
@@ -249,7 +242,7 @@ fn all_keys_together() {
     );
     let scene = scene.expect("a good scene");
     assert_eq!((scene.size, scene.max_depth), ([3, 4], 3));
-    assert!(scene.defaults.is_empty(), "{:?}", scene.defaults);
+    assert!(scene.notes.is_empty(), "{:?}", scene.notes);
 }
 
 #[test]

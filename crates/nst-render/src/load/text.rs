@@ -2,6 +2,7 @@
 
 use std::{borrow::Cow, ops::RangeInclusive, path::Path};
 
+use super::report::Report;
 use crate::Error;
 
 /// A statement of an OBJ or MTL file, without the line continuations.
@@ -47,18 +48,20 @@ pub(super) fn scene_error(path: &Path, message: &str) -> Error {
 }
 
 /// Reads a text file. What is not UTF-8 is taken for Latin-1, as it comes from
-/// older programs on Windows; line ends become `\n`.
+/// older programs on Windows, with a note; line ends become `\n`.
 ///
 /// # Errors
 /// When the file cannot be read, or has a zero byte, which no text has.
-pub(super) fn read(path: &Path) -> Result<String, Error> {
-    let bytes = std::fs::read(path).map_err(|error| Error::io("read", path, error))?;
+pub(super) fn read(path: &Path, report: &mut Report) -> Result<String, Error> {
+    let bytes = report.read(path)?;
     if let Some(zero) = bytes.iter().position(|&byte| byte == 0) {
         let line = bytes[..zero].iter().filter(|&&byte| byte == b'\n').count() + 1;
         return Err(error_at(path, line, "a zero byte: this is no text file"));
     }
-    let mut text = String::from_utf8(bytes)
-        .unwrap_or_else(|error| error.into_bytes().into_iter().map(char::from).collect());
+    let mut text = String::from_utf8(bytes).unwrap_or_else(|error| {
+        report.note(format!("'{}' is not UTF-8: read as Latin-1", path.display()));
+        error.into_bytes().into_iter().map(char::from).collect()
+    });
     if text.starts_with('\u{feff}') {
         text.remove(0);
     }
@@ -155,10 +158,13 @@ mod tests {
         let path = folder.path().join("x.obj");
         let text = |bytes: &[u8]| {
             std::fs::write(&path, bytes).expect("a file");
-            read(&path)
+            let mut report = Report::default();
+            read(&path, &mut report).map(|text| (text, report.notes.len()))
         };
-        assert_eq!(text(b"\xef\xbb\xbfv 1\r\nv 2\rv 3\n").expect("text"), "v 1\nv 2\nv 3\n");
-        assert_eq!(text(b"usemtl caf\xe9\n").expect("Latin-1"), "usemtl café\n");
+        let plain = text(b"\xef\xbb\xbfv 1\r\nv 2\rv 3\n").expect("text");
+        assert_eq!(plain, ("v 1\nv 2\nv 3\n".to_owned(), 0));
+        let latin = text(b"usemtl caf\xe9\n").expect("Latin-1");
+        assert_eq!(latin, ("usemtl café\n".to_owned(), 1));
         let error = text(b"v 1\nv\x00").expect_err("a zero byte").to_string();
         assert!(error.contains("x.obj") && error.contains("line 2"), "{error}");
     }

@@ -11,7 +11,10 @@ use std::{
     path::Path,
 };
 
-use super::text::{self, Line, error_at, number, quoted};
+use super::{
+    report::Report,
+    text::{self, Line, error_at, number, quoted},
+};
 use crate::Error;
 
 /// An OBJ file in its plainest form.
@@ -23,9 +26,40 @@ pub(super) struct Tidied {
     pub(super) text: String,
     /// Names of materials that there are none of.
     pub(super) unknown: BTreeSet<String>,
-    /// How many faces had less than three corners.
-    pub(super) short_faces: usize,
+    pub(super) losses: Losses,
 }
+
+/// How much of a file nothing is made of.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Losses {
+    /// Faces of less than three corners.
+    short_faces: usize,
+    /// Lines, points, curves and surfaces.
+    other_elements: usize,
+    /// Normals of length zero.
+    zero_normals: usize,
+    /// Texture coordinates from [`WHOLE`] on.
+    whole_uvs: usize,
+}
+
+impl Losses {
+    /// A note of each kind that there is.
+    pub(super) fn note(&self, report: &mut Report) {
+        for (count, what) in [
+            (self.short_faces, "faces of fewer than three corners, left out"),
+            (self.other_elements, "points, lines, curves and surfaces, left out"),
+            (self.zero_normals, "normals of length zero, where the surface is flat"),
+            (self.whole_uvs, "texture coordinates too large to have a fraction, set to 0"),
+        ] {
+            if count > 0 {
+                report.note(format!("{what}: {count}"));
+            }
+        }
+    }
+}
+
+/// Texture coordinates from here on have no fraction in f32, so no place in a texture.
+pub(super) const WHOLE: f32 = 8_388_608.0;
 
 /// What the three numbers of a face's corner refer to.
 const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
@@ -52,14 +86,20 @@ pub(super) fn tidy(
     let mut faces = String::new();
     let mut counts = Counts::default();
     let mut unknown = BTreeSet::new();
-    let mut short_faces = 0;
+    let mut losses = Losses::default();
     for line in text::lines(text) {
         let result = match line.keyword() {
             "v" => vertex(&line, &mut vertices).map(|()| counts.counts[0] += 1),
-            "vt" => texture(&line, &mut vertices).map(|()| counts.counts[1] += 1),
-            "vn" => numbers(&line, "vn", "normal", 3, &mut vertices).map(|_| counts.counts[2] += 1),
+            "vt" => texture(&line, &mut vertices).map(|uv| {
+                counts.counts[1] += 1;
+                losses.whole_uvs += usize::from(uv.iter().any(|x| x.abs() >= WHOLE));
+            }),
+            "vn" => numbers(&line, "vn", "normal", 3, &mut vertices).map(|normal| {
+                counts.counts[2] += 1;
+                losses.zero_normals += usize::from(normal.iter().all(|&x| x == 0.0));
+            }),
             "f" if line.words().count() < 3 => {
-                short_faces += 1;
+                losses.short_faces += 1;
                 Ok(())
             }
             "f" => face(&line, &mut counts, &mut faces),
@@ -73,13 +113,18 @@ pub(super) fn tidy(
                 }
                 Ok(())
             }
+            "p" | "l" | "curv" | "curv2" | "surf" => {
+                losses.other_elements += 1;
+                Ok(())
+            }
+            // Names of objects and groups, smoothing groups, and what programs add.
             _ => Ok(()),
         };
         result.map_err(|message| line.error(path, message))?;
     }
     counts.check(path)?;
     vertices.push_str(&faces);
-    Ok(Tidied { text: vertices, unknown, short_faces })
+    Ok(Tidied { text: vertices, unknown, losses })
 }
 
 fn append(text: &mut String, arguments: std::fmt::Arguments) {
@@ -90,7 +135,7 @@ fn append(text: &mut String, arguments: std::fmt::Arguments) {
 fn vertex(line: &Line, vertices: &mut String) -> Result<(), String> {
     let xyz = numbers(line, "v", "vertex", 3, vertices)?;
     if line.words().count() == 4 {
-        let word = line.words().nth(3).unwrap_or_default();
+        let word = line.words().nth(3).unwrap_or_default(); // there is one
         let w = number("vertex weight", word)?;
         if !xyz.iter().all(|x| (x / w).is_finite()) {
             return Err(format!("vertex divided by its weight {} is not finite", quoted(word)));
@@ -102,15 +147,15 @@ fn vertex(line: &Line, vertices: &mut String) -> Result<(), String> {
 }
 
 /// One or two numbers; a third has no use for images.
-fn texture(line: &Line, vertices: &mut String) -> Result<(), String> {
+fn texture(line: &Line, vertices: &mut String) -> Result<Vec<f32>, String> {
     if line.words().count() == 1 {
-        numbers(line, "vt", "texture coordinate", 1, vertices)?;
+        let u = numbers(line, "vt", "texture coordinate", 1, vertices)?;
         vertices.pop();
         vertices.push_str(" 0\n");
+        Ok(u)
     } else {
-        numbers(line, "vt", "texture coordinate", 2, vertices)?;
+        numbers(line, "vt", "texture coordinate", 2, vertices)
     }
-    Ok(())
 }
 
 /// Copies the first `count` numbers, and returns them.
@@ -209,14 +254,16 @@ mod tests {
     fn rewrites_everything_in_one_form() {
         let text = "\
             f 1 2/1 4//1\nv 1 2 3 # first\nv 1 2 3 4\nv 1 2 3 .1 .2 .3\nv 0 0 0 1 1\nvt 5\n\
-            vt 5 6 7\nvn 0 0 1\n usemtl\ta wall \nusemtl gone\nf -1/-1/-1 2/2/ -2//1\nl 1 2 3\nf 1 2\n";
+            vt 5 6 7\nvn 0 0 1\n usemtl\ta wall \nusemtl gone\nf -1/-1/-1 2/2/ -2//1\nl 1 2 3\nf 1 2\n\
+            vn 0 0 0\nvt 1e7 0\n";
         let tidied = tidied(text).expect("good text");
         let expected = "\
             mtllib all\nvt nan nan\nvn 0 0 0\nv 1 2 3\nv 1 2 3 4\nv 1 2 3\nv 0 0 0\nvt 5 0\nvt 5 6\n\
-            vn 0 0 1\nf 1/1/1 2/2/1 4/1/2\nusemtl 3\nusemtl unknown\nf 4/3/2 2/3/1 3/1/2\n";
+            vn 0 0 1\nvn 0 0 0\nvt 1e7 0\nf 1/1/1 2/2/1 4/1/2\nusemtl 3\nusemtl unknown\nf 4/3/2 2/3/1 3/1/2\n";
         assert_eq!(tidied.text, expected);
         assert_eq!(tidied.unknown, ["gone".to_owned()].into());
-        assert_eq!(tidied.short_faces, 1);
+        let losses = Losses { short_faces: 1, other_elements: 1, zero_normals: 1, whole_uvs: 1 };
+        assert_eq!(tidied.losses, losses);
     }
 
     #[test]

@@ -9,6 +9,10 @@ use std::ops::RangeInclusive;
 
 use glam::Vec3A;
 
+use super::{
+    exact::{exponent, power_of_two},
+    report::Report,
+};
 use crate::{Camera, Triangle};
 
 /// The largest coordinate of a scene that stays as it is.
@@ -29,25 +33,25 @@ impl Unit {
     pub(super) fn of(triangles: &[Triangle]) -> Self {
         let largest = largest_coordinate(triangles);
         let fine = largest == 0.0 || FINE.contains(&largest);
-        Self { exponent: if fine { 0 } else { -f64::from(largest).log2().floor() as i32 } }
+        Self { exponent: if fine { 0 } else { -exponent(largest) } }
     }
 
     fn scaled(self, v: Vec3A) -> Vec3A {
         if self.exponent == 0 {
             return v;
         }
-        (v.as_dvec3() * 2.0_f64.powi(self.exponent)).as_vec3a()
+        (v.as_dvec3() * power_of_two(self.exponent)).as_vec3a()
     }
 
     /// Scales the triangles, and says so.
-    pub(super) fn scale(self, triangles: &mut [Triangle], defaults: &mut Vec<String>) {
+    pub(super) fn scale(self, triangles: &mut [Triangle], report: &mut Report) {
         if self.exponent == 0 {
             return;
         }
         for position in triangles.iter_mut().flat_map(|triangle| &mut triangle.positions) {
             *position = self.scaled(*position);
         }
-        defaults.push(format!("lengths scaled by 2^{}, so that f32 can hold areas", self.exponent));
+        report.note(format!("lengths scaled by 2^{}, so that areas fit f32", self.exponent));
     }
 
     /// Scales a camera that came with the triangles, which are scaled already;
@@ -84,13 +88,13 @@ mod tests {
         for size in [1e-45, 3e-39, 1e-20, 9.9e-4, 1.1e6, 1e20, 3.4e38] {
             let mut triangles = [triangle(size)];
             let unit = Unit::of(&triangles);
-            let mut notes = vec![];
-            unit.scale(&mut triangles, &mut notes);
+            let mut report = Report::default();
+            unit.scale(&mut triangles, &mut report);
             let largest = largest_coordinate(&triangles);
             assert!((1.0..2.0).contains(&largest), "{size} became {largest}");
             let back = f64::from(largest) * 2.0_f64.powi(-unit.exponent);
             assert_eq!(back as f32, size);
-            assert!(notes[0].contains("scaled"));
+            assert!(report.notes[0].contains("scaled"));
         }
         assert_eq!(Unit::of(&[triangle(0.0)]).exponent, 0);
     }
@@ -105,7 +109,7 @@ mod tests {
         };
         let mut triangles = [triangle(4e20)];
         let unit = Unit::of(&triangles);
-        unit.scale(&mut triangles, &mut vec![]);
+        unit.scale(&mut triangles, &mut Report::default());
         let scaled = unit.scale_camera(camera(8e20, 0.0), &triangles).expect("a good camera");
         let ratio = scaled.position.z / triangles[0].positions[1].x;
         assert!((ratio - 2.0).abs() < 1e-6);
