@@ -28,6 +28,7 @@
 //! shader.
 
 mod batch;
+mod compact;
 mod error;
 #[cfg(feature = "gpu")]
 pub mod gpu;

@@ -10,7 +10,8 @@ use super::{
     shader::{Kernel, Packed, Params, Precision, Variant},
 };
 use crate::{
-    Error, Estimates, MlpCpu, Network, SequenceBatch, Status, Transform, transform::Lanes,
+    Error, Estimates, MlpCpu, Network, SequenceBatch, Status, Transform,
+    compact::{Selection, transform_active},
 };
 
 /// Lanes per submission where the adapter sets no lower limit: 8 MiB of terms at
@@ -183,12 +184,13 @@ impl MlpGpu {
         })
     }
 
-    /// Uploads `lanes` from number `first` on, and has them evaluated; `scratch` has their number.
+    /// Uploads lanes of `selection`, as many as `scratch` has room for, from its number
+    /// `first` on, and has them evaluated.
     fn submit(
         &self,
         buffers: &mut Buffers,
         window: ArrayView2<'_, f32>,
-        lanes: Lanes<'_>,
+        selection: Selection<'_>,
         first: usize,
         scratch: &mut [f32],
     ) {
@@ -205,7 +207,7 @@ impl MlpGpu {
         queue.write_buffer(&buffers.params, 0, bytemuck::bytes_of(&params));
         for (t, term) in window.rows().into_iter().enumerate() {
             let term = term.to_slice().expect("a term of all lanes is contiguous");
-            lanes.gather(term, first, scratch);
+            selection.gather(term, first, scratch);
             queue.write_buffer(&buffers.terms, t as u64 * bytes, bytemuck::cast_slice(scratch));
         }
         // A lane that the shader failed to write must not look like a result.
@@ -242,7 +244,7 @@ impl MlpGpu {
     fn evaluate(
         &self,
         window: ArrayView2<'_, f32>,
-        lanes: Lanes<'_>,
+        selection: Selection<'_>,
         out: &mut [f32],
     ) -> Result<(), Error> {
         if out.is_empty() {
@@ -262,7 +264,7 @@ impl MlpGpu {
 
         let mut under_way: Option<(usize, &mut [f32])> = None;
         for (i, out) in out.chunks_mut(chunk).enumerate() {
-            self.submit(&mut buffers[i % sets], window, lanes, i * chunk, out);
+            self.submit(&mut buffers[i % sets], window, selection, i * chunk, out);
             if fault::wanted() == Some(Fault::Lost) {
                 self.gpu.lose();
             }
@@ -292,7 +294,7 @@ impl Transform for MlpGpu {
             out.fall_back(batch, Status::TooShort);
             return Ok(());
         };
-        out.transform_active(window, |lanes, out| self.evaluate(window, lanes, out))
+        transform_active(window, out, |selection, out| self.evaluate(window, selection, out))
     }
 }
 

@@ -15,7 +15,7 @@ use ndarray::ArrayView2;
 
 use crate::{
     Error, Estimates, Network, SequenceBatch, Status, Transform,
-    transform::{Compact, Lanes, classify},
+    compact::{Compact, Selection, classify},
 };
 use kernel::{Packed, Tile, evaluate, panel};
 pub use vector::Instructions;
@@ -69,30 +69,30 @@ impl MlpCpu {
         let Job { first, values, status } = job;
         let Worker { tile, compact } = worker;
         let ok = classify(window, first, values, status);
-        let Ok(()) = compact.evaluate(window, first, ok, values, status, |lanes, out| {
-            self.evaluate(window, lanes, tile, out);
+        let Ok(()) = compact.evaluate(window, first, ok, values, status, |selection, out| {
+            self.evaluate(window, selection, tile, out);
             Ok::<_, Infallible>(())
         });
     }
 
-    /// Evaluates as many of `lanes` as `out` has room for, tile by tile.
+    /// Evaluates as many lanes of `selection` as `out` has room for, tile by tile.
     fn evaluate(
         &self,
         window: ArrayView2<'_, f32>,
-        lanes: Lanes<'_>,
+        selection: Selection<'_>,
         tile: &mut Tile,
         out: &mut [f32],
     ) {
         for (i, out) in out.chunks_mut(TILE).enumerate() {
-            self.evaluate_tile(window, lanes, i * TILE, tile, out);
+            self.evaluate_tile(window, selection, i * TILE, tile, out);
         }
     }
 
-    /// Evaluates `out.len()` of `lanes`, from number `start` on.
+    /// Evaluates `out.len()` lanes of `selection`, from its number `start` on.
     fn evaluate_tile(
         &self,
         window: ArrayView2<'_, f32>,
-        lanes: Lanes<'_>,
+        selection: Selection<'_>,
         start: usize,
         tile: &mut Tile,
         out: &mut [f32],
@@ -100,19 +100,19 @@ impl MlpCpu {
         let packed = &*self.packed;
         match self.instructions {
             Instructions::Portable => {
-                run_tile::<Four>(packed, window, lanes, start, tile, out);
+                run_tile::<Four>(packed, window, selection, start, tile, out);
             }
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)]
             // SAFETY: the constructor has asserted that the processor has them.
             Instructions::Avx2 => unsafe {
-                run_tile_avx2(packed, window, lanes, start, tile, out);
+                run_tile_avx2(packed, window, selection, start, tile, out);
             },
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)]
             // SAFETY: the same.
             Instructions::Avx512 => unsafe {
-                run_tile_avx512(packed, window, lanes, start, tile, out);
+                run_tile_avx512(packed, window, selection, start, tile, out);
             },
         }
     }
@@ -175,12 +175,12 @@ struct Worker {
 fn run_tile_avx2(
     packed: &Packed,
     window: ArrayView2<'_, f32>,
-    lanes: Lanes<'_>,
+    selection: Selection<'_>,
     start: usize,
     tile: &mut Tile,
     out: &mut [f32],
 ) {
-    run_tile::<Eight>(packed, window, lanes, start, tile, out);
+    run_tile::<Eight>(packed, window, selection, start, tile, out);
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -188,12 +188,12 @@ fn run_tile_avx2(
 fn run_tile_avx512(
     packed: &Packed,
     window: ArrayView2<'_, f32>,
-    lanes: Lanes<'_>,
+    selection: Selection<'_>,
     start: usize,
     tile: &mut Tile,
     out: &mut [f32],
 ) {
-    run_tile::<Sixteen>(packed, window, lanes, start, tile, out);
+    run_tile::<Sixteen>(packed, window, selection, start, tile, out);
 }
 
 /// Gathers a tile's inputs, evaluates the network, and writes one value per lane.
@@ -201,7 +201,7 @@ fn run_tile_avx512(
 fn run_tile<V: Vector>(
     packed: &Packed,
     window: ArrayView2<'_, f32>,
-    lanes: Lanes<'_>,
+    selection: Selection<'_>,
     start: usize,
     tile: &mut Tile,
     out: &mut [f32],
@@ -215,9 +215,9 @@ fn run_tile<V: Vector>(
             let term = term.to_slice().expect("a term of all lanes is contiguous");
             if count == width {
                 // Of a length that is known when this is compiled.
-                lanes.gather(term, start + p * width, &mut row[..width]);
+                selection.gather(term, start + p * width, &mut row[..width]);
             } else {
-                lanes.gather(term, start + p * width, &mut row[..count]);
+                selection.gather(term, start + p * width, &mut row[..count]);
                 row[count..].fill(0.0);
             }
         }
