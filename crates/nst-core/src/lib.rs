@@ -41,5 +41,5 @@ mod transform;
 pub use batch::SequenceBatch;
 pub use error::Error;
 pub use mlp::{Instructions, MlpCpu};
-pub use network::{BUILTIN, Layer, Metadata, Network};
+pub use network::{BUILTIN, Builtin, Layer, Metadata, Network};
 pub use transform::{Estimates, Identity, Status, Transform};
