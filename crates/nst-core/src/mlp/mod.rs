@@ -55,8 +55,7 @@ impl MlpCpu {
     pub fn with_instructions(network: impl Into<Arc<Network>>, instructions: Instructions) -> Self {
         assert!(
             Instructions::available().contains(&instructions),
-            "this processor has no {}",
-            instructions.name()
+            "this processor has no {instructions}"
         );
         let network = network.into();
         let packed = Arc::new(Packed::new(&network));
@@ -73,6 +72,13 @@ impl MlpCpu {
             self.evaluate(window, selection, tile, out);
             Ok::<_, Infallible>(())
         });
+    }
+
+    /// Evaluates the first lanes of a window `[term][lane]`, on this thread alone.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn evaluate_here(&self, window: ArrayView2<'_, f32>, out: &mut [f32]) {
+        let mut tile = Tile::new(&self.packed, self.window(), TILE);
+        self.evaluate(window, Selection::From(0), &mut tile, out);
     }
 
     /// Evaluates as many lanes of `selection` as `out` has room for, tile by tile.
@@ -98,22 +104,20 @@ impl MlpCpu {
         out: &mut [f32],
     ) {
         let packed = &*self.packed;
-        match self.instructions {
-            Instructions::Portable => {
-                run_tile::<Four>(packed, window, selection, start, tile, out);
+        #[allow(unsafe_code)]
+        // SAFETY: the constructor has asserted that the processor has the instructions.
+        unsafe {
+            match self.instructions {
+                Instructions::Portable => {
+                    run_tile::<Four>(packed, window, selection, start, tile, out);
+                }
+                #[cfg(target_arch = "x86_64")]
+                Instructions::Avx2 => run_tile_avx2(packed, window, selection, start, tile, out),
+                #[cfg(target_arch = "x86_64")]
+                Instructions::Avx512 => {
+                    run_tile_avx512(packed, window, selection, start, tile, out);
+                }
             }
-            #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)]
-            // SAFETY: the constructor has asserted that the processor has them.
-            Instructions::Avx2 => unsafe {
-                run_tile_avx2(packed, window, selection, start, tile, out);
-            },
-            #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)]
-            // SAFETY: the same.
-            Instructions::Avx512 => unsafe {
-                run_tile_avx512(packed, window, selection, start, tile, out);
-            },
         }
     }
 }
@@ -180,7 +184,11 @@ fn run_tile_avx2(
     tile: &mut Tile,
     out: &mut [f32],
 ) {
-    run_tile::<Eight>(packed, window, selection, start, tile, out);
+    #[allow(unsafe_code)]
+    // SAFETY: this runs where the processor has what it is compiled for.
+    unsafe {
+        run_tile::<Eight>(packed, window, selection, start, tile, out);
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -193,12 +201,20 @@ fn run_tile_avx512(
     tile: &mut Tile,
     out: &mut [f32],
 ) {
-    run_tile::<Sixteen>(packed, window, selection, start, tile, out);
+    #[allow(unsafe_code)]
+    // SAFETY: this runs where the processor has what it is compiled for.
+    unsafe {
+        run_tile::<Sixteen>(packed, window, selection, start, tile, out);
+    }
 }
 
 /// Gathers a tile's inputs, evaluates the network, and writes one value per lane.
+///
+/// # Safety
+/// The processor has the instructions of `V`.
+#[allow(unsafe_code)]
 #[inline(always)]
-fn run_tile<V: Vector>(
+unsafe fn run_tile<V: Vector>(
     packed: &Packed,
     window: ArrayView2<'_, f32>,
     selection: Selection<'_>,
@@ -222,7 +238,8 @@ fn run_tile<V: Vector>(
             }
         }
     }
-    evaluate::<V>(packed, terms, tile, panels);
+    // SAFETY: the caller's promise.
+    unsafe { evaluate::<V>(packed, terms, tile, panels) };
     out.copy_from_slice(&tile.output()[..out.len()]);
 }
 
