@@ -35,12 +35,7 @@ fn backends(network: &Arc<Network>) -> Vec<Backend> {
     };
     for instructions in Instructions::available() {
         let mlp = MlpCpu::with_instructions(Arc::clone(network), instructions);
-        add(
-            format!("CPU, {}", instructions.name()),
-            TOLERANCE,
-            false,
-            Box::new(mlp) as Box<dyn Transform>,
-        );
+        add(format!("CPU, {instructions}"), TOLERANCE, false, Box::new(mlp) as Box<dyn Transform>);
     }
     if let Some(gpu) = gpu() {
         let f16 = gpu.has_f16();
@@ -60,7 +55,7 @@ fn backends(network: &Arc<Network>) -> Vec<Backend> {
                 let options = GpuOptions { kernel, precision };
                 let mlp = MlpGpu::with_options(gpu.clone(), Arc::clone(network), options)
                     .expect("the adapter runs this network");
-                let name = format!("GPU, {}, {}", kernel.name(), precision.name());
+                let name = format!("GPU, {kernel}, {precision}");
                 add(name, tolerance, cooperative, Box::new(mlp));
             }
         }

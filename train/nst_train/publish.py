@@ -77,7 +77,7 @@ def main(argv: list[str] | None = None) -> int:
     except (UserError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-    print(f"{len(a.names)} networks copied; list new ones in crates/nst-core/src/network.rs, BUILTIN")
+    print(f"{len(a.names)} networks copied; add new ones to crates/nst-core/src/network/builtin.rs")
     return 0
 
 

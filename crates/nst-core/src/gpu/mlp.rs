@@ -1,30 +1,25 @@
-//! The network as a compute shader: buffers, chunks and submissions.
+//! The network as a compute shader: chunks of lanes, and their submissions.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use ndarray::{Array2, ArrayView2};
+use ndarray::ArrayView2;
 
 use super::{
     Gpu,
+    buffers::{Buffers, Weights, most_bytes},
+    check::compare_with_cpu,
     fault::{self, Fault},
-    shader::{Kernel, Packed, Params, Precision, Variant},
+    kernel::{Kernel, Precision, Variant},
+    pack::Params,
 };
 use crate::{
-    Error, Estimates, Fitted, MlpCpu, Network, Requirements, SequenceBatch, Status, Strips,
-    Transform, transform::Lanes,
+    Error, Estimates, Fitted, Network, Requirements, SequenceBatch, Status, Strips, Transform,
+    compact::{Selection, transform_active},
 };
 
 /// Lanes per submission where the adapter sets no lower limit: 8 MiB of terms at
 /// window 8. Two are under way at a time.
 const MAX_CHUNK: u64 = 1 << 18;
-
-/// Lanes on which a kernel that nobody has tried on an adapter is compared with the CPU:
-/// no multiple of any tile.
-const COMPARED: usize = 333;
-
-/// How far it may be off, relative to the largest estimate. Rounding to f16 is some 10⁻³,
-/// and more where a network's terms cancel; a wrong kernel is off by about 1.
-const LARGEST_DIFFERENCE: f32 = 2e-2;
 
 /// How [`MlpGpu`] is to evaluate a network.
 #[derive(Clone, Copy, Debug, Default)]
@@ -43,10 +38,7 @@ pub struct MlpGpu {
     gpu: Gpu,
     network: Arc<Network>,
     pipeline: wgpu::ComputePipeline,
-    layers: wgpu::Buffer,
-    weights: wgpu::Buffer,
-    /// Weights in f16, of the cooperative kernel.
-    halves: Option<wgpu::Buffer>,
+    weights: Weights,
     lanes_per_workgroup: u32,
     max_chunk: u32,
     /// Kept from batch to batch.
@@ -54,11 +46,11 @@ pub struct MlpGpu {
 }
 
 impl MlpGpu {
-    /// Compiles the shader and uploads the weights, in f32.
+    /// Compiles the shader, uploads the weights, in f32, and compares some lanes with the CPU.
     ///
     /// # Errors
     /// [`Error::Gpu`] if a layer is wider than 256, if the adapter's limits are too low,
-    /// or if the device refuses the shader.
+    /// if the device refuses the shader, or if its results are wrong.
     pub fn new(gpu: Gpu, network: impl Into<Arc<Network>>) -> Result<Self, Error> {
         Self::with_options(gpu, network, GpuOptions::default())
     }
@@ -67,134 +59,59 @@ impl MlpGpu {
     ///
     /// # Errors
     /// As for [`Self::new`]; also if f16 or cooperative matrices are asked for and the
-    /// adapter lacks them, if a weight exceeds f16, or if cooperative matrices are wrong.
+    /// adapter lacks them, or if a weight exceeds f16.
     pub fn with_options(
         gpu: Gpu,
         network: impl Into<Arc<Network>>,
-        options: GpuOptions,
+        GpuOptions { kernel, precision }: GpuOptions,
     ) -> Result<Self, Error> {
         let network = network.into();
-        let variant = Variant::new(&gpu, &network, options.kernel)?;
-        let half = options.precision == Precision::F16;
-        if half && !gpu.has_f16() {
-            return Err(Error::Gpu(format!("{}: it has no f16", gpu.name)));
-        }
-        if !half && options.kernel == Kernel::Cooperative {
-            return Err(Error::Gpu("cooperative matrices are in f16 only".into()));
-        }
-        let mut source = variant.source(options.precision);
+        let variant = Variant::new(&gpu, &network, kernel, precision)?;
+        let mut source = variant.source();
         if fault::wanted() == Some(Fault::Shader) {
             source = source.replacen("leaky_relu", "leaky_rule", 1);
         }
-        let mlp = Self::compile(gpu, network, &variant, options.precision, source)?;
-        if options.kernel == Kernel::Cooperative {
-            mlp.compare_with_cpu()?;
-        }
+        let mlp = Self::compile(gpu, network, &variant, source)?;
+        compare_with_cpu(&mlp, kernel, precision)?;
         Ok(mlp)
     }
 
     /// How many terms the network reads.
-    fn window(&self) -> usize {
+    pub(super) fn window(&self) -> usize {
         self.network.metadata().window
     }
 
-    /// Fails if the GPU does not compute what the CPU does, on some windows in [0, 1).
-    fn compare_with_cpu(&self) -> Result<(), Error> {
-        let window = Array2::from_shape_fn((self.window(), COMPARED), |(term, lane)| {
-            // Multiples of the golden ratio are spread evenly, and no two are equal.
-            ((1 + term * COMPARED + lane) as f32 * 0.618_034).fract()
-        });
-        let batch = SequenceBatch::new(window, (1..=self.window() as u32).collect())?;
-        let (mut on_gpu, mut on_cpu) = (Estimates::default(), Estimates::default());
-        self.apply(&batch, &mut on_gpu)?;
-        MlpCpu::new(Arc::clone(&self.network)).apply(&batch, &mut on_cpu)?;
-        let pairs = || on_gpu.values().iter().zip(on_cpu.values());
-        let error = pairs().map(|(gpu, cpu)| (gpu - cpu).abs()).fold(0.0, f32::max);
-        let scale = pairs().map(|(_, cpu)| cpu.abs()).fold(0.0, f32::max);
-        if on_gpu.status() == on_cpu.status() && error <= LARGEST_DIFFERENCE * scale {
-            return Ok(());
-        }
-        let name = &self.gpu.name;
-        Err(Error::Gpu(format!("{name}: its results differ from the CPU's by up to {error:e}")))
+    pub(super) fn gpu(&self) -> &Gpu {
+        &self.gpu
     }
 
-    fn compile(
+    pub(super) fn network(&self) -> &Arc<Network> {
+        &self.network
+    }
+
+    /// An evaluation by this source, right or wrong.
+    pub(super) fn compile(
         gpu: Gpu,
         network: Arc<Network>,
         variant: &Variant,
-        precision: Precision,
         source: String,
     ) -> Result<Self, Error> {
-        let device = &gpu.device;
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("mlp"),
-            source: wgpu::ShaderSource::Wgsl(source.into()),
-        });
-        // A module that is not valid makes pipelines that are not: the first error counts.
-        gpu.check()?;
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("mlp"),
-            layout: None,
-            module: &module,
-            entry_point: Some("transform"),
-            compilation_options: wgpu::PipelineCompilationOptions {
-                constants: &variant.constants,
-                ..Default::default()
-            },
-            cache: None,
-        });
-        let Packed { layers, weights, halves } = variant.pack(&network, precision)?;
-        // Not `create_buffer_init`, which panics if the device is lost.
-        let upload = |label, contents: &[u8]| {
-            let buffer = device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size: contents.len() as u64,
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            });
-            gpu.queue.write_buffer(&buffer, 0, contents);
-            buffer
-        };
-        let limits = device.limits();
-        let most_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        let too_small = || Error::Gpu(format!("{}: its buffers are too small", gpu.name));
-        if weights.len().max(halves.as_ref().map_or(0, Vec::len)) as u64 > most_bytes {
-            return Err(too_small());
-        }
-        let layers = upload("layers", bytemuck::cast_slice(&layers));
-        let weights = upload("weights", &weights);
-        let halves = halves.map(|halves| upload("halves", &halves));
-        gpu.check()?;
-
-        let bytes_per_lane = (network.metadata().window * size_of::<f32>()) as u64;
         let lanes_per_workgroup = variant.lanes_per_workgroup;
-        let workgroups = u64::from(limits.max_compute_workgroups_per_dimension);
-        let max_chunk = MAX_CHUNK
-            .min(most_bytes / bytes_per_lane)
-            .min(workgroups * u64::from(lanes_per_workgroup)) as u32;
-        if max_chunk == 0 {
-            return Err(too_small());
-        }
+        let max_chunk = max_chunk(&gpu, network.metadata().window, lanes_per_workgroup)?;
+        let packed = variant.pack(&network)?;
+        let weights = gpu.call(|| Weights::upload(&gpu, &packed))?;
+        let pipeline = pipeline(&gpu, variant, source)?;
         let buffers = Mutex::default();
-        Ok(Self {
-            gpu,
-            network,
-            pipeline,
-            layers,
-            weights,
-            halves,
-            lanes_per_workgroup,
-            max_chunk,
-            buffers,
-        })
+        Ok(Self { gpu, network, pipeline, weights, lanes_per_workgroup, max_chunk, buffers })
     }
 
-    /// Uploads `lanes` from number `first` on, and has them evaluated; `scratch` has their number.
+    /// Uploads lanes of `selection`, as many as `scratch` has room for, from its number
+    /// `first` on, and has them evaluated.
     fn submit(
         &self,
         buffers: &mut Buffers,
         window: ArrayView2<'_, f32>,
-        lanes: Lanes<'_>,
+        selection: Selection<'_>,
         first: usize,
         scratch: &mut [f32],
     ) {
@@ -211,7 +128,7 @@ impl MlpGpu {
         queue.write_buffer(&buffers.params, 0, bytemuck::bytes_of(&params));
         for (t, term) in window.rows().into_iter().enumerate() {
             let term = term.to_slice().expect("a term of all lanes is contiguous");
-            lanes.gather(term, first, scratch);
+            selection.gather(term, first, scratch);
             queue.write_buffer(&buffers.terms, t as u64 * bytes, bytemuck::cast_slice(scratch));
         }
         // A lane that the shader failed to write must not look like a result.
@@ -237,39 +154,64 @@ impl MlpGpu {
         let view = buffers
             .staging
             .get_mapped_range(0..size_of_val(out) as u64)
-            .map_err(|error| Error::Gpu(format!("{}: {error}", self.gpu.name)))?;
+            .map_err(|error| self.gpu.error(error))?;
         bytemuck::cast_slice_mut(out).copy_from_slice(&view[..]);
         drop(view);
         buffers.staging.unmap();
         Ok(())
     }
 
-    /// Evaluates the lanes, chunk by chunk, with two sets of buffers in turns.
-    fn evaluate(
+    /// Evaluates `out.len()` lanes of a window `[term][lane]`, chunk by chunk; `fault` is what
+    /// is to fail.
+    ///
+    /// # Errors
+    /// [`Error::Gpu`] if the device reports one; the next call is then free of it, unless the
+    /// device is lost.
+    pub(super) fn evaluate(
         &self,
         window: ArrayView2<'_, f32>,
-        lanes: Lanes<'_>,
+        selection: Selection<'_>,
         out: &mut [f32],
+        fault: Option<Fault>,
     ) -> Result<(), Error> {
         if out.is_empty() {
             return Ok(());
         }
-        self.gpu.check()?;
         let chunk = out.len().min(self.max_chunk as usize);
         let sets = out.len().div_ceil(chunk).min(2);
+        let mut buffers = self.gpu.call(|| match fault {
+            Some(Fault::Memory) => Err(self.gpu.error("it is out of memory")),
+            _ => Ok(self.take_buffers(sets, chunk)),
+        })?;
+        self.gpu.call(|| self.stream(&mut buffers, chunk, window, selection, out, fault))?;
+        *self.buffers() = buffers;
+        Ok(())
+    }
+
+    /// As many sets of buffers, each with room for a chunk of lanes.
+    fn take_buffers(&self, sets: usize, chunk: usize) -> Vec<Buffers> {
         let kept = std::mem::take(&mut *self.buffers());
         let mut kept = kept.into_iter().filter(|buffers| buffers.lanes >= chunk);
-        let mut buffers: Vec<_> =
-            (0..sets).map(|_| kept.next().unwrap_or_else(|| Buffers::new(self, chunk))).collect();
-        if fault::wanted() == Some(Fault::Memory) {
-            self.gpu.failure.report(wgpu::Error::OutOfMemory { source: "a fault".into() });
-        }
-        self.gpu.check()?;
+        let new = || Buffers::new(&self.gpu, &self.pipeline, &self.weights, self.window(), chunk);
+        (0..sets).map(|_| kept.next().unwrap_or_else(new)).collect()
+    }
 
+    /// Evaluates chunk after chunk, with the sets of buffers in turns: while one is computed,
+    /// the next is uploaded.
+    fn stream(
+        &self,
+        buffers: &mut [Buffers],
+        chunk: usize,
+        window: ArrayView2<'_, f32>,
+        selection: Selection<'_>,
+        out: &mut [f32],
+        fault: Option<Fault>,
+    ) -> Result<(), Error> {
+        let sets = buffers.len();
         let mut under_way: Option<(usize, &mut [f32])> = None;
         for (i, out) in out.chunks_mut(chunk).enumerate() {
-            self.submit(&mut buffers[i % sets], window, lanes, i * chunk, out);
-            if fault::wanted() == Some(Fault::Lost) {
+            self.submit(&mut buffers[i % sets], window, selection, i * chunk, out);
+            if fault == Some(Fault::Lost) {
                 self.gpu.lose();
             }
             if let Some((before, out)) = under_way.replace((i, out)) {
@@ -279,13 +221,47 @@ impl MlpGpu {
         if let Some((before, out)) = under_way {
             self.read_back(&mut buffers[before % sets], out)?;
         }
-        *self.buffers() = buffers;
         Ok(())
     }
 
     fn buffers(&self) -> std::sync::MutexGuard<'_, Vec<Buffers>> {
         self.buffers.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// Lanes per submission, as the adapter's limits allow.
+fn max_chunk(gpu: &Gpu, window: usize, lanes_per_workgroup: u32) -> Result<u32, Error> {
+    let bytes_per_lane = (window * size_of::<f32>()) as u64;
+    let workgroups = u64::from(gpu.device.limits().max_compute_workgroups_per_dimension);
+    let lanes = MAX_CHUNK
+        .min(most_bytes(gpu) / bytes_per_lane)
+        .min(workgroups * u64::from(lanes_per_workgroup));
+    if lanes == 0 {
+        return Err(gpu.error(format!("its buffers are too small for a window of {window} terms")));
+    }
+    Ok(lanes as u32)
+}
+
+fn pipeline(gpu: &Gpu, variant: &Variant, source: String) -> Result<wgpu::ComputePipeline, Error> {
+    let module = gpu.call(|| {
+        Ok(gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("mlp"),
+            source: wgpu::ShaderSource::Wgsl(source.into()),
+        }))
+    })?;
+    gpu.call(|| {
+        Ok(gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("mlp"),
+            layout: None,
+            module: &module,
+            entry_point: Some("transform"),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                constants: &variant.constants,
+                ..Default::default()
+            },
+            cache: None,
+        }))
+    })
 }
 
 impl Transform for MlpGpu {
@@ -304,95 +280,81 @@ impl Fitted for MlpGpu {
             out.fall_back(batch, Status::TooShort);
             return Ok(());
         };
-        out.transform_active(window, |lanes, out| self.evaluate(window, lanes, out))
-    }
-}
-
-/// The buffers of one chunk.
-#[derive(Debug)]
-struct Buffers {
-    /// Room for so many.
-    lanes: usize,
-    params: wgpu::Buffer,
-    terms: wgpu::Buffer,
-    estimates: wgpu::Buffer,
-    staging: wgpu::Buffer,
-    bind_group: wgpu::BindGroup,
-    /// What they are in use for.
-    submission: Option<wgpu::SubmissionIndex>,
-}
-
-impl Buffers {
-    fn new(mlp: &MlpGpu, lanes: usize) -> Self {
-        use wgpu::BufferUsages as Usage;
-        let device = &mlp.gpu.device;
-        let buffer = |label, size: usize, usage| {
-            device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some(label),
-                size: size as u64,
-                usage,
-                mapped_at_creation: false,
-            })
-        };
-        let bytes = lanes * size_of::<f32>();
-        let params = buffer("params", size_of::<Params>(), Usage::UNIFORM | Usage::COPY_DST);
-        let terms = buffer("terms", mlp.window() * bytes, Usage::STORAGE | Usage::COPY_DST);
-        let estimates =
-            buffer("estimates", bytes, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC);
-        let staging = buffer("staging", bytes, Usage::MAP_READ | Usage::COPY_DST);
-        let bound = [&params, &mlp.layers, &mlp.weights, &terms, &estimates];
-        let bound = bound.into_iter().chain(&mlp.halves);
-        let entries: Vec<_> = (0_u32..)
-            .zip(bound)
-            .map(|(binding, buffer)| wgpu::BindGroupEntry {
-                binding,
-                resource: buffer.as_entire_binding(),
-            })
-            .collect();
-        let bind_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("mlp"),
-            layout: &mlp.pipeline.get_bind_group_layout(0),
-            entries: &entries,
-        });
-        Self { lanes, params, terms, estimates, staging, bind_group, submission: None }
+        transform_active(window, out, |selection, out| {
+            self.evaluate(window, selection, out, fault::wanted())
+        })
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::gpu::AdapterKind;
+    use ndarray::Array2;
 
-    /// Skipped where there is no adapter, as `NST_GPU` allows; it says so.
-    #[test]
-    fn a_shader_that_does_not_compile_or_is_wrong_is_an_error() {
-        let gpu = match std::env::var("NST_GPU").as_deref() {
-            Ok("off") => return eprintln!("skipped: NST_GPU=off"),
-            Ok("require") => Gpu::open(AdapterKind::Any).expect("NST_GPU=require"),
-            _ => match Gpu::open(AdapterKind::Any) {
-                Ok(gpu) => gpu,
-                Err(error) => return eprintln!("skipped: {error}"),
-            },
-        };
+    use super::*;
+    use crate::gpu::{AdapterKind, LowerLimits, check::tests::adapter};
+
+    fn network() -> Arc<Network> {
         let network = Network::builtin("families").expect("it is in the crate");
-        let network = Arc::new(network.expect("it is readable"));
-        let compile = |gpu: &Gpu, source: String| {
-            let variant = Variant::new(gpu, &network, Kernel::Tiled).expect("it fits");
-            MlpGpu::compile(gpu.clone(), Arc::clone(&network), &variant, Precision::F32, source)
+        Arc::new(network.expect("it is readable"))
+    }
+
+    fn batch(lanes: usize) -> SequenceBatch {
+        let window = Array2::from_shape_fn((8, lanes), |(t, lane)| (t * lanes + lane) as f32);
+        SequenceBatch::new(window, (1..=8).collect()).expect("a batch")
+    }
+
+    /// Fails with words that say why; and what the same device does next is as before.
+    fn fails_alone(gpu: &Gpu, words: &str, call: impl FnOnce() -> Result<(), Error>) {
+        let evaluate = || {
+            let mut out = Estimates::default();
+            MlpGpu::new(gpu.clone(), network())?.apply(&batch(100), &mut out).map(|()| out)
         };
-        let variant = Variant::new(&gpu, &network, Kernel::Tiled).expect("it fits");
-        let right = variant.source(Precision::F32);
-        assert!(compile(&gpu, right.clone()).is_ok());
-        let wrong = right.replacen("params.negative_slope", "0.5", 1);
-        assert_ne!(wrong, right);
-        for (source, agrees) in [(right.clone(), true), (wrong, false)] {
-            let mlp = compile(&gpu, source).expect("it compiles");
-            assert_eq!(mlp.compare_with_cpu().is_ok(), agrees);
+        let before = evaluate().expect("it works before");
+        let error = call().expect_err(words);
+        assert!(error.to_string().contains(words), "'{words}' is not in: {error}");
+        assert_eq!(evaluate().expect("it works after"), before, "after: {error}");
+    }
+
+    #[test]
+    fn a_refused_shader_fails_alone() {
+        let Some(gpu) = adapter(|| Gpu::open(AdapterKind::Any)) else { return };
+        let options = GpuOptions::default();
+        let variant = Variant::new(&gpu, &network(), options.kernel, options.precision);
+        let variant = variant.expect("it fits");
+        // Names that are not known: to the parser, and to the pipeline.
+        for (good, bad, words) in [
+            ("leaky_relu", "leaky_rule", "no definition in scope"),
+            ("params.lanes", "params.lane", "invalid field"),
+            ("fn transform", "fn transfer", "entry point"),
+        ] {
+            let source = variant.source().replacen(good, bad, 1);
+            fails_alone(&gpu, words, || {
+                MlpGpu::compile(gpu.clone(), network(), &variant, source).map(drop)
+            });
         }
-        for (good, bad) in [("leaky_relu", "leaky_rule"), ("params.lanes", "params.lane")] {
-            let gpu = Gpu::open(AdapterKind::Any).expect("it opened before");
-            let error = compile(&gpu, right.replacen(good, bad, 1)).expect_err(bad);
-            assert!(matches!(error, Error::Gpu(_)), "{error}");
-        }
+    }
+
+    #[test]
+    fn a_buffer_that_is_too_large_fails_alone() {
+        let Some(gpu) = adapter(|| Gpu::open(AdapterKind::Any)) else { return };
+        let mlp = MlpGpu::new(gpu.clone(), network()).expect("it fits");
+        let lanes = gpu.device.limits().max_buffer_size as usize / size_of::<f32>() + 1;
+        fails_alone(&gpu, "size", || gpu.call(|| Ok(mlp.take_buffers(1, lanes))).map(drop));
+    }
+
+    /// A call that asks for more than the device's limits, and the next that does not, both
+    /// of the same evaluation.
+    #[test]
+    fn a_wrong_call_fails_alone() {
+        let limits = LowerLimits { binding_bytes: Some(20_000), ..LowerLimits::default() };
+        let Some(gpu) = adapter(|| Gpu::open_with(AdapterKind::Any, &limits)) else { return };
+        let mut mlp = MlpGpu::new(gpu.clone(), network()).expect("it is large enough");
+        let (mut before, mut after) = (Estimates::default(), Estimates::default());
+        mlp.apply(&batch(10_000), &mut before).expect("it works before");
+        let fitting = std::mem::replace(&mut mlp.max_chunk, 10_000);
+        fails_alone(&gpu, "binding", || mlp.apply(&batch(10_000), &mut Estimates::default()));
+        mlp.max_chunk = fitting;
+        mlp.apply(&batch(10_000), &mut after).expect("it works after");
+        assert_eq!(after, before);
     }
 }

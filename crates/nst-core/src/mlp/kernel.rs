@@ -118,8 +118,17 @@ fn numbers_mut(lines: &mut [Line]) -> &mut [f32] {
 }
 
 /// Evaluates the network on the first `panels` panels of `tile`.
+///
+/// # Safety
+/// The processor has the instructions of `V`.
+#[allow(unsafe_code)]
 #[inline(always)]
-pub(super) fn evaluate<V: Vector>(packed: &Packed, window: usize, tile: &mut Tile, panels: usize) {
+pub(super) unsafe fn evaluate<V: Vector>(
+    packed: &Packed,
+    window: usize,
+    tile: &mut Tile,
+    panels: usize,
+) {
     let lanes = panel::<V>();
     let Tile { front, back } = tile;
     assert!(packed.widest(window) * lanes * panels <= 16 * front.len().min(back.len()));
@@ -132,10 +141,9 @@ pub(super) fn evaluate<V: Vector>(packed: &Packed, window: usize, tile: &mut Til
             let input = numbers(front)[panel * width * lanes..].as_ptr();
             let output = numbers_mut(back)[panel * next * lanes..].as_mut_ptr();
             for (b, weights) in layer.weights.chunks_exact(ROWS * (1 + layer.inputs)).enumerate() {
-                #[allow(unsafe_code)]
-                // SAFETY: the assertions keep panel `panel` of both buffers, `width`
-                // and `next` rows of `lanes` lanes, inside of them; rows are whole
-                // vectors, and buffers are aligned to the widest.
+                // SAFETY: the caller's promise; and the assertions keep panel `panel` of
+                // both buffers, `width` and `next` rows of `lanes` lanes, inside of them;
+                // rows are whole vectors, and buffers are aligned to the widest.
                 unsafe {
                     let output = output.add(b * ROWS * lanes);
                     block::<V>(weights, input, packed.slope, output);
@@ -147,7 +155,6 @@ pub(super) fn evaluate<V: Vector>(packed: &Packed, window: usize, tile: &mut Til
     }
     assert!(packed.output.len() <= 1 + width);
     for panel in 0..panels {
-        #[allow(unsafe_code)]
         // SAFETY: as above, with one row of output per panel.
         unsafe {
             let input = numbers(front)[panel * width * lanes..].as_ptr();
@@ -160,23 +167,28 @@ pub(super) fn evaluate<V: Vector>(packed: &Packed, window: usize, tile: &mut Til
 /// [`ROWS`] neurons of a hidden layer on one panel. `weights` are `[1 + input][ROWS]`.
 ///
 /// # Safety
-/// `input` is valid for as many rows of `COLUMNS` vectors as there are inputs,
-/// `output` for `ROWS` rows; both are aligned to vectors, and they do not overlap.
+/// The processor has the instructions of `V`. `input` is valid for as many rows of `COLUMNS`
+/// vectors as there are inputs, `output` for `ROWS` rows; both are aligned to vectors, and
+/// they do not overlap.
 #[allow(unsafe_code)]
 #[inline(always)]
 unsafe fn block<V: Vector>(weights: &[f32], input: *const f32, slope: f32, output: *mut f32) {
     let (weights, _) = weights.as_chunks::<ROWS>();
-    let mut sums = [[V::splat(0.0); COLUMNS]; ROWS];
+    // SAFETY: the caller's promise.
+    let mut sums = unsafe { [[V::splat(0.0); COLUMNS]; ROWS] };
     for (sums, &bias) in sums.iter_mut().zip(&weights[0]) {
-        *sums = [V::splat(bias); COLUMNS];
+        // SAFETY: the caller's promise.
+        *sums = unsafe { [V::splat(bias); COLUMNS] };
     }
     let mut add = |k: usize, weights: &[f32; ROWS]| {
         // SAFETY: the caller's promise.
-        let row = unsafe { load::<V>(input, k) };
-        for (sums, &weight) in sums.iter_mut().zip(weights) {
-            let weight = V::splat(weight);
-            for (sum, value) in sums.iter_mut().zip(row) {
-                *sum = weight.mul_add(value, *sum);
+        unsafe {
+            let row = load::<V>(input, k);
+            for (sums, &weight) in sums.iter_mut().zip(weights) {
+                let weight = V::splat(weight);
+                for (sum, value) in sums.iter_mut().zip(row) {
+                    *sum = weight.mul_add(value, *sum);
+                }
             }
         }
     };
@@ -190,14 +202,16 @@ unsafe fn block<V: Vector>(weights: &[f32], input: *const f32, slope: f32, outpu
     for (i, weights) in rest.iter().enumerate() {
         add(4 * fours.len() + i, weights);
     }
-    let slope_vector = V::splat(slope);
-    for (r, sums) in sums.into_iter().enumerate() {
-        for (c, sum) in sums.into_iter().enumerate() {
-            // The leaky ReLU: which of x and slope · x is meant depends on their order alone.
-            let scaled = sum.mul(slope_vector);
-            let value = if slope > 1.0 { sum.min(scaled) } else { sum.max(scaled) };
-            // SAFETY: the caller's promise.
-            unsafe { value.store(output.add((r * COLUMNS + c) * V::LANES)) };
+    // SAFETY: the caller's promise.
+    unsafe {
+        let slope_vector = V::splat(slope);
+        for (r, sums) in sums.into_iter().enumerate() {
+            for (c, sum) in sums.into_iter().enumerate() {
+                // The leaky ReLU: which of x and slope · x is meant depends on their order alone.
+                let scaled = sum.mul(slope_vector);
+                let value = if slope > 1.0 { sum.min(scaled) } else { sum.max(scaled) };
+                value.store(output.add((r * COLUMNS + c) * V::LANES));
+            }
         }
     }
 }
@@ -212,43 +226,46 @@ unsafe fn block<V: Vector>(weights: &[f32], input: *const f32, slope: f32, outpu
 #[allow(unsafe_code)]
 #[inline(always)]
 unsafe fn last<V: Vector>(weights: &[f32], input: *const f32, output: *mut f32) {
-    let mut sums = [[V::splat(0.0); COLUMNS]; 4];
-    sums[0] = [V::splat(weights[0]); COLUMNS];
     let (fours, rest) = weights[1..].as_chunks::<4>();
-    for (k, weights) in fours.iter().enumerate() {
-        for (i, sums) in sums.iter_mut().enumerate() {
-            // SAFETY: the caller's promise; so too below.
-            let row = unsafe { load::<V>(input, 4 * k + i) };
-            for (sum, value) in sums.iter_mut().zip(row) {
-                *sum = V::splat(weights[i]).mul_add(value, *sum);
+    // SAFETY: the caller's promise.
+    unsafe {
+        let mut sums = [[V::splat(0.0); COLUMNS]; 4];
+        sums[0] = [V::splat(weights[0]); COLUMNS];
+        for (k, weights) in fours.iter().enumerate() {
+            for (i, sums) in sums.iter_mut().enumerate() {
+                let row = load::<V>(input, 4 * k + i);
+                for (sum, value) in sums.iter_mut().zip(row) {
+                    *sum = V::splat(weights[i]).mul_add(value, *sum);
+                }
             }
         }
-    }
-    for (i, &weight) in rest.iter().enumerate() {
-        // SAFETY: the caller's promise; so too below.
-        let row = unsafe { load::<V>(input, 4 * fours.len() + i) };
-        for (sum, value) in sums[i].iter_mut().zip(row) {
-            *sum = V::splat(weight).mul_add(value, *sum);
+        for (i, &weight) in rest.iter().enumerate() {
+            let row = load::<V>(input, 4 * fours.len() + i);
+            for (sum, value) in sums[i].iter_mut().zip(row) {
+                *sum = V::splat(weight).mul_add(value, *sum);
+            }
         }
-    }
-    for c in 0..COLUMNS {
-        let sum = sums[0][c].add(sums[1][c]).add(sums[2][c].add(sums[3][c]));
-        // SAFETY: the caller's promise.
-        unsafe { sum.store(output.add(c * V::LANES)) };
+        for c in 0..COLUMNS {
+            let sum = sums[0][c].add(sums[1][c]).add(sums[2][c].add(sums[3][c]));
+            sum.store(output.add(c * V::LANES));
+        }
     }
 }
 
 /// Row `k` of a panel.
 ///
 /// # Safety
-/// The row is inside of what `input` is valid for, and aligned to vectors.
+/// The processor has the instructions of `V`. The row is inside of what `input` is valid for,
+/// and aligned to vectors.
 #[allow(unsafe_code)]
 #[inline(always)]
 unsafe fn load<V: Vector>(input: *const f32, k: usize) -> [V; COLUMNS] {
-    let mut row = [V::splat(0.0); COLUMNS];
-    for (c, vector) in row.iter_mut().enumerate() {
-        // SAFETY: the caller's promise.
-        *vector = unsafe { V::load(input.add((k * COLUMNS + c) * V::LANES)) };
+    // SAFETY: the caller's promise.
+    unsafe {
+        let mut row = [V::splat(0.0); COLUMNS];
+        for (c, vector) in row.iter_mut().enumerate() {
+            *vector = V::load(input.add((k * COLUMNS + c) * V::LANES));
+        }
+        row
     }
-    row
 }

@@ -15,7 +15,7 @@ use ndarray::ArrayView2;
 
 use crate::{
     Error, Estimates, Fitted, Network, Requirements, SequenceBatch, Status, Strips, Transform,
-    transform::{Compact, Lanes, classify},
+    compact::{Compact, Selection, classify},
 };
 use kernel::{Packed, Tile, evaluate, panel};
 pub use vector::Instructions;
@@ -55,8 +55,7 @@ impl MlpCpu {
     pub fn with_instructions(network: impl Into<Arc<Network>>, instructions: Instructions) -> Self {
         assert!(
             Instructions::available().contains(&instructions),
-            "this processor has no {}",
-            instructions.name()
+            "this processor has no {instructions}"
         );
         let network = network.into();
         let packed = Arc::new(Packed::new(&network));
@@ -74,51 +73,56 @@ impl MlpCpu {
         let Job { first, values, status } = job;
         let Worker { tile, compact } = worker;
         let ok = classify(window, first, values, status);
-        let Ok(()) = compact.evaluate(window, first, ok, values, status, |lanes, out| {
-            self.evaluate(window, lanes, tile, out);
+        let Ok(()) = compact.evaluate(window, first, ok, values, status, |selection, out| {
+            self.evaluate(window, selection, tile, out);
             Ok::<_, Infallible>(())
         });
     }
 
-    /// Evaluates as many of `lanes` as `out` has room for, tile by tile.
+    /// Evaluates the first lanes of a window `[term][lane]`, on this thread alone.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn evaluate_here(&self, window: ArrayView2<'_, f32>, out: &mut [f32]) {
+        let mut tile = Tile::new(&self.packed, self.window(), TILE);
+        self.evaluate(window, Selection::From(0), &mut tile, out);
+    }
+
+    /// Evaluates as many lanes of `selection` as `out` has room for, tile by tile.
     fn evaluate(
         &self,
         window: ArrayView2<'_, f32>,
-        lanes: Lanes<'_>,
+        selection: Selection<'_>,
         tile: &mut Tile,
         out: &mut [f32],
     ) {
         for (i, out) in out.chunks_mut(TILE).enumerate() {
-            self.evaluate_tile(window, lanes, i * TILE, tile, out);
+            self.evaluate_tile(window, selection, i * TILE, tile, out);
         }
     }
 
-    /// Evaluates `out.len()` of `lanes`, from number `start` on.
+    /// Evaluates `out.len()` lanes of `selection`, from its number `start` on.
     fn evaluate_tile(
         &self,
         window: ArrayView2<'_, f32>,
-        lanes: Lanes<'_>,
+        selection: Selection<'_>,
         start: usize,
         tile: &mut Tile,
         out: &mut [f32],
     ) {
         let packed = &*self.packed;
-        match self.instructions {
-            Instructions::Portable => {
-                run_tile::<Four>(packed, window, lanes, start, tile, out);
+        #[allow(unsafe_code)]
+        // SAFETY: the constructor has asserted that the processor has the instructions.
+        unsafe {
+            match self.instructions {
+                Instructions::Portable => {
+                    run_tile::<Four>(packed, window, selection, start, tile, out);
+                }
+                #[cfg(target_arch = "x86_64")]
+                Instructions::Avx2 => run_tile_avx2(packed, window, selection, start, tile, out),
+                #[cfg(target_arch = "x86_64")]
+                Instructions::Avx512 => {
+                    run_tile_avx512(packed, window, selection, start, tile, out);
+                }
             }
-            #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)]
-            // SAFETY: the constructor has asserted that the processor has them.
-            Instructions::Avx2 => unsafe {
-                run_tile_avx2(packed, window, lanes, start, tile, out);
-            },
-            #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)]
-            // SAFETY: the same.
-            Instructions::Avx512 => unsafe {
-                run_tile_avx512(packed, window, lanes, start, tile, out);
-            },
         }
     }
 }
@@ -186,12 +190,16 @@ struct Worker {
 fn run_tile_avx2(
     packed: &Packed,
     window: ArrayView2<'_, f32>,
-    lanes: Lanes<'_>,
+    selection: Selection<'_>,
     start: usize,
     tile: &mut Tile,
     out: &mut [f32],
 ) {
-    run_tile::<Eight>(packed, window, lanes, start, tile, out);
+    #[allow(unsafe_code)]
+    // SAFETY: this runs where the processor has what it is compiled for.
+    unsafe {
+        run_tile::<Eight>(packed, window, selection, start, tile, out);
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -199,20 +207,28 @@ fn run_tile_avx2(
 fn run_tile_avx512(
     packed: &Packed,
     window: ArrayView2<'_, f32>,
-    lanes: Lanes<'_>,
+    selection: Selection<'_>,
     start: usize,
     tile: &mut Tile,
     out: &mut [f32],
 ) {
-    run_tile::<Sixteen>(packed, window, lanes, start, tile, out);
+    #[allow(unsafe_code)]
+    // SAFETY: this runs where the processor has what it is compiled for.
+    unsafe {
+        run_tile::<Sixteen>(packed, window, selection, start, tile, out);
+    }
 }
 
 /// Gathers a tile's inputs, evaluates the network, and writes one value per lane.
+///
+/// # Safety
+/// The processor has the instructions of `V`.
+#[allow(unsafe_code)]
 #[inline(always)]
-fn run_tile<V: Vector>(
+unsafe fn run_tile<V: Vector>(
     packed: &Packed,
     window: ArrayView2<'_, f32>,
-    lanes: Lanes<'_>,
+    selection: Selection<'_>,
     start: usize,
     tile: &mut Tile,
     out: &mut [f32],
@@ -226,14 +242,15 @@ fn run_tile<V: Vector>(
             let term = term.to_slice().expect("a term of all lanes is contiguous");
             if count == width {
                 // Of a length that is known when this is compiled.
-                lanes.gather(term, start + p * width, &mut row[..width]);
+                selection.gather(term, start + p * width, &mut row[..width]);
             } else {
-                lanes.gather(term, start + p * width, &mut row[..count]);
+                selection.gather(term, start + p * width, &mut row[..count]);
                 row[count..].fill(0.0);
             }
         }
     }
-    evaluate::<V>(packed, terms, tile, panels);
+    // SAFETY: the caller's promise.
+    unsafe { evaluate::<V>(packed, terms, tile, panels) };
     out.copy_from_slice(&tile.output()[..out.len()]);
 }
 

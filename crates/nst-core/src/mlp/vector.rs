@@ -1,5 +1,7 @@
 //! Vectors of lanes, and which of them a processor has.
 
+use std::fmt;
+
 /// Which vector instructions evaluate a network. Results differ between them by
 /// rounding alone: with AVX2 and AVX-512, multiplications and additions are fused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,49 +38,53 @@ impl Instructions {
     pub fn detect() -> Self {
         *Self::available().last().unwrap_or(&Self::Portable)
     }
+}
 
-    /// `portable`, `avx2` or `avx512`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
+/// `portable`, `avx2` or `avx512`.
+impl fmt::Display for Instructions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
             Self::Portable => "portable",
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => "avx2",
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => "avx512",
-        }
+        })
     }
 }
 
 /// A register of lanes. All methods are inlined into a function that is compiled
-/// for the instructions; on its own, none may run where they are missing.
+/// for the instructions.
+///
+/// # Safety
+/// The processor has the type's instructions: a promise that every method asks of its caller.
 #[allow(unsafe_code)]
 pub(super) trait Vector: Copy {
     /// Lanes per register.
     const LANES: usize;
 
-    fn splat(value: f32) -> Self;
+    unsafe fn splat(value: f32) -> Self;
 
     /// # Safety
-    /// `LANES` numbers can be read there, and the address is a multiple of their size.
+    /// Also, `LANES` numbers can be read there, and the address is a multiple of their size.
     unsafe fn load(from: *const f32) -> Self;
 
     /// # Safety
-    /// `LANES` numbers can be written there, and the address is a multiple of their size.
+    /// Also, `LANES` numbers can be written there, and the address is a multiple of their size.
     unsafe fn store(self, to: *mut f32);
 
     /// self · factor + term, fused where the processor can.
-    fn mul_add(self, factor: Self, term: Self) -> Self;
+    unsafe fn mul_add(self, factor: Self, term: Self) -> Self;
 
-    fn add(self, other: Self) -> Self;
+    unsafe fn add(self, other: Self) -> Self;
 
-    fn mul(self, other: Self) -> Self;
+    unsafe fn mul(self, other: Self) -> Self;
 
     /// The greater of the two; `other` where one is a NaN.
-    fn max(self, other: Self) -> Self;
+    unsafe fn max(self, other: Self) -> Self;
 
     /// The lesser of the two; `other` where one is a NaN.
-    fn min(self, other: Self) -> Self;
+    unsafe fn min(self, other: Self) -> Self;
 }
 
 /// For any processor.
@@ -98,7 +104,7 @@ impl Vector for Four {
     const LANES: usize = 4;
 
     #[inline(always)]
-    fn splat(value: f32) -> Self {
+    unsafe fn splat(value: f32) -> Self {
         Self([value; 4])
     }
 
@@ -115,7 +121,7 @@ impl Vector for Four {
     }
 
     #[inline(always)]
-    fn mul_add(self, factor: Self, term: Self) -> Self {
+    unsafe fn mul_add(self, factor: Self, term: Self) -> Self {
         // Without the instruction, `f32::mul_add` is a slow function.
         if cfg!(any(target_arch = "aarch64", target_feature = "fma")) {
             Self(std::array::from_fn(|i| self.0[i].mul_add(factor.0[i], term.0[i])))
@@ -125,22 +131,22 @@ impl Vector for Four {
     }
 
     #[inline(always)]
-    fn add(self, other: Self) -> Self {
+    unsafe fn add(self, other: Self) -> Self {
         self.map(other, |a, b| a + b)
     }
 
     #[inline(always)]
-    fn mul(self, other: Self) -> Self {
+    unsafe fn mul(self, other: Self) -> Self {
         self.map(other, |a, b| a * b)
     }
 
     #[inline(always)]
-    fn max(self, other: Self) -> Self {
+    unsafe fn max(self, other: Self) -> Self {
         self.map(other, |a, b| if a > b { a } else { b })
     }
 
     #[inline(always)]
-    fn min(self, other: Self) -> Self {
+    unsafe fn min(self, other: Self) -> Self {
         self.map(other, |a, b| if a < b { a } else { b })
     }
 }
@@ -159,8 +165,8 @@ macro_rules! x86_vector {
             const LANES: usize = $lanes;
 
             #[inline(always)]
-            fn splat(value: f32) -> Self {
-                // SAFETY: the instructions are there, by the trait's contract; so too below.
+            unsafe fn splat(value: f32) -> Self {
+                // SAFETY: the caller's promise.
                 Self(unsafe { std::arch::x86_64::$splat(value) })
             }
 
@@ -177,32 +183,32 @@ macro_rules! x86_vector {
             }
 
             #[inline(always)]
-            fn mul_add(self, factor: Self, term: Self) -> Self {
-                // SAFETY: as in `splat`.
+            unsafe fn mul_add(self, factor: Self, term: Self) -> Self {
+                // SAFETY: the caller's promise.
                 Self(unsafe { std::arch::x86_64::$mul_add(self.0, factor.0, term.0) })
             }
 
             #[inline(always)]
-            fn add(self, other: Self) -> Self {
-                // SAFETY: as in `splat`.
+            unsafe fn add(self, other: Self) -> Self {
+                // SAFETY: the caller's promise.
                 Self(unsafe { std::arch::x86_64::$add(self.0, other.0) })
             }
 
             #[inline(always)]
-            fn mul(self, other: Self) -> Self {
-                // SAFETY: as in `splat`.
+            unsafe fn mul(self, other: Self) -> Self {
+                // SAFETY: the caller's promise.
                 Self(unsafe { std::arch::x86_64::$mul(self.0, other.0) })
             }
 
             #[inline(always)]
-            fn max(self, other: Self) -> Self {
-                // SAFETY: as in `splat`.
+            unsafe fn max(self, other: Self) -> Self {
+                // SAFETY: the caller's promise.
                 Self(unsafe { std::arch::x86_64::$max(self.0, other.0) })
             }
 
             #[inline(always)]
-            fn min(self, other: Self) -> Self {
-                // SAFETY: as in `splat`.
+            unsafe fn min(self, other: Self) -> Self {
+                // SAFETY: the caller's promise.
                 Self(unsafe { std::arch::x86_64::$min(self.0, other.0) })
             }
         }

@@ -131,7 +131,7 @@ fn backends(
         let all = Instructions::available();
         for &instructions in if args.variants { &all[..] } else { &best[..] } {
             let mlp = MlpCpu::with_instructions(network.clone(), instructions);
-            add("cpu", instructions.name().to_owned(), TOLERANCE, Box::new(mlp));
+            add("cpu", instructions.to_string(), TOLERANCE, Box::new(mlp));
         }
     }
     let Some(gpu) = gpu else { return Ok(backends) };
@@ -158,7 +158,7 @@ fn backends(
                 }
                 mlp => mlp.map_err(Error::Gpu)?,
             };
-            let adapter = format!("{}, {}, {}", gpu.name(), kernel.name(), precision.name());
+            let adapter = format!("{}, {kernel}, {precision}", gpu.name());
             let tolerance = if precision == Precision::F16 { TOLERANCE_F16 } else { TOLERANCE };
             add("gpu", adapter, tolerance, Box::new(mlp));
         }

@@ -1,0 +1,117 @@
+//! The networks inside the crate.
+
+use super::Network;
+use crate::Error;
+
+/// Names and files of networks in `weights/`; one more is one more name.
+macro_rules! builtin {
+    ($($name:literal),* $(,)?) => {
+        [$(($name, include_bytes!(concat!("../../weights/", $name, ".safetensors")).as_slice())),*]
+    };
+}
+
+/// The networks inside the crate: a name and the bytes of the file.
+#[doc(hidden)]
+pub const BUILTIN: &[(&str, &[u8])] = &builtin!(
+    "cornell",
+    "families",
+    "gaussian",
+    "step",
+    "gaussian-step",
+    "plane-lambert",
+    "plane-lambert-halton",
+    "plane-ggx",
+    "plane-ggx-halton",
+    "teapot-diffuse",
+    "teapot-diffuse-halton",
+    "teapot-glossy",
+    "teapot-glossy-halton",
+    "cornell-direct",
+    "cornell-direct-halton",
+    "cornell-depth-8",
+    "cornell-depth-8-halton",
+);
+
+/// A network inside the crate, as yet unread.
+#[derive(Clone, Copy, Debug)]
+pub struct Builtin {
+    name: &'static str,
+    file: &'static [u8],
+}
+
+impl Builtin {
+    /// What [`Network::builtin`] knows it by.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        self.name
+    }
+
+    /// The bytes of its weights file.
+    #[must_use]
+    pub fn file(self) -> &'static [u8] {
+        self.file
+    }
+
+    /// Reads it.
+    ///
+    /// # Errors
+    /// [`Error::Weights`] if this version of the crate cannot read its own file: a test sees
+    /// to it that it can.
+    pub fn network(self) -> Result<Network, Error> {
+        Network::from_bytes(self.file)
+    }
+}
+
+impl Network {
+    /// The networks inside the crate, in a fixed order.
+    pub fn builtins() -> impl ExactSizeIterator<Item = Builtin> + Clone {
+        BUILTIN.iter().map(|&(name, file)| Builtin { name, file })
+    }
+
+    /// A network inside the crate, by its name.
+    #[must_use]
+    pub fn builtin(name: &str) -> Option<Result<Self, Error>> {
+        Self::builtins().find(|builtin| builtin.name == name).map(Builtin::network)
+    }
+
+    /// The networks inside the crate that were trained on the scene with this fingerprint,
+    /// `NAME:HASH`, with their names, in the order of [`Self::builtins`].
+    ///
+    /// # Errors
+    /// As for [`Builtin::network`].
+    pub fn builtins_trained_on(fingerprint: &str) -> Result<Vec<(&'static str, Self)>, Error> {
+        let networks = Self::builtins().map(|builtin| Ok((builtin.name, builtin.network()?)));
+        let trained_on_it =
+            |(_, network): &(_, Self)| network.metadata().trained_on_scene(fingerprint);
+        networks.filter(|network| network.as_ref().map_or(true, trained_on_it)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_are_readable_and_have_names_of_their_own() -> Result<(), Error> {
+        for builtin in Network::builtins() {
+            let network = Network::builtin(builtin.name()).expect("it is in the list")?;
+            assert_eq!(network, builtin.network()?, "{}", builtin.name());
+        }
+        assert!(Network::builtin("nothing").is_none());
+        Ok(())
+    }
+
+    #[test]
+    fn a_scene_finds_its_networks() -> Result<(), Error> {
+        let cornell = Network::builtin("cornell").expect("it is in the list")?;
+        let scene = cornell.metadata().trained_on.iter().find_map(|it| it.strip_prefix("scene:"));
+        let scene = scene.expect("it was trained on a scene");
+        let found = Network::builtins_trained_on(scene)?;
+        assert_eq!(found, [("cornell", cornell.clone())]);
+        // Part of a fingerprint is another scene's.
+        for other in ["", &scene[1..], &scene[..scene.len() - 1], "step"] {
+            assert!(Network::builtins_trained_on(other)?.is_empty(), "{other}");
+        }
+        Ok(())
+    }
+}
