@@ -141,14 +141,15 @@ def test_publishing_copies_weights_and_says_how_they_score(
 ) -> None:
     folder, paper = tmp_path / "weights", tmp_path / "paper"
     folder.mkdir()
-    (folder / "README.md").write_text("a\n<!-- networks -->\n<!-- end of networks -->\nb\n")
+    page = tmp_path / "README.md"
+    page.write_text("a\n<!-- networks -->\n<!-- end of networks -->\nb\n")
     figures.collect(runs_folder, paper)
     config = 'name = "step"\n\n# The small setting was used.\n'
     provenance = Provenance("family:step", "8..64", "L2", 3, 1, config)
     weights.save(runs_folder / "step" / "step.safetensors", Mlp(8, [5, 4]), provenance)
-    options = ["--weights", str(folder), "--paper", str(paper)]
+    options = ["--weights", str(folder), "--page", str(page), "--paper", str(paper)]
     assert publish.main([str(runs_folder), "step", *options]) == 0
-    readme = (folder / "README.md").read_text()
+    readme = page.read_text()
     row = "| `step` | family:step | 8-5-4-1 | L2 | 3 | small | step | 2.08 | 2.16 | 2.32 |"
     assert row in readme and readme.startswith("a\n") and readme.endswith("\nb\n")
     assert publish.main([str(runs_folder), "step", "gaussian", *options]) == 1  # has no weights
