@@ -14,7 +14,8 @@ from pathlib import Path
 
 from nst_train import weights
 from nst_train.errors import UserError
-from nst_train.figures import PAPER, Metrics, digits, replace_block
+from nst_train.figures import PAPER, replace_block
+from nst_train.metrics import Metrics
 from nst_train.renders import REPOSITORY
 
 WEIGHTS = REPOSITORY / "crates" / "nst-core" / "weights"
