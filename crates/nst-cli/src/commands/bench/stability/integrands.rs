@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use serde::Deserialize;
 
-/// An integrand h N(x; μ, σ) 1[x < t], or h 1[x < t] without μ and σ.
+/// An integrand `h N(x; μ, σ) 1[x < t]`, or `h 1[x < t]` without μ and σ.
 #[derive(Clone, Copy, Debug, Deserialize)]
 pub(super) struct Integrand {
     family: Family,
