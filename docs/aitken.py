@@ -1,6 +1,8 @@
 """Draws Aitken's method on step functions, figure 1 of the paper, from the stability suite's table.
 
     "$(tools/python-env docs/requirements.txt)" docs/aitken.py docs/stability.csv docs/aitken.svg
+
+The same table gives the same bytes.
 """
 
 import csv

@@ -3,6 +3,8 @@
     python3 scenes/generate.py                  rewrites the committed ones in place
     python3 scenes/generate.py --check          compares them with the committed files
     python3 scenes/generate.py big DIRECTORY    writes the big one, which is not committed
+
+scenes/README.md says what each is for.
 """
 
 import argparse
@@ -34,9 +36,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument(
-        "--check", action="store_true", help="write nothing; exit with 1 on a difference"
-    )
+    parser.add_argument("--check", action="store_true", help="write nothing; exit with 1 on a difference")
     commands = parser.add_subparsers(title="other scenes")
     big = commands.add_parser("big", help="write a sphereflake of 262,404 triangles")
     big.add_argument("directory", type=Path)

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import itertools
 import tempfile
 import unittest
 from collections import Counter
@@ -34,7 +35,7 @@ def triangles(text: str) -> list[Triangle]:
                     v, n = (int(index) for index in corner.split("//"))
                     assert v >= 1 and n >= 1, "indices start at 1"
                     corners.append((positions[v - 1], normals[n - 1]))
-                result += [[corners[0], b, c] for b, c in zip(corners[1:], corners[2:], strict=False)]
+                result += [[corners[0], b, c] for b, c in itertools.pairwise(corners[1:])]
     return result
 
 

@@ -67,8 +67,7 @@ def teapot_scene(name: str, material: str) -> Scene:
         name,
         "The Utah teapot (Martin Newell, 1975) on a plane, under a rectangular light.",
         obj,
-        f"newmtl plane\nKd 0.6 0.6 0.6\n\nnewmtl teapot\n{material}\n"
-        "newmtl light\nKd 0 0 0\nKe 22 22 22\n",
+        f"newmtl plane\nKd 0.6 0.6 0.6\n\nnewmtl teapot\n{material}\nnewmtl light\nKd 0 0 0\nKe 22 22 22\n",
         sidecar((2, 5, 9), (0.4, 1.2, 0), Y_UP, 40, 128, 2),
     )
 
@@ -136,9 +135,7 @@ def free_places() -> Iterator[tuple[float, float]]:
         i += 1
         x, z = (i * 0.7548776662 % 1) * 7.4 - 3.7, (i * 0.5698402910 % 1) * 7.4 - 3.7
         reaches = (1.3 * max(half_x, half_z) + 0.15 for _, _, half_x, half_z, _, _ in BLOCKS)
-        clear = (
-            max(abs(x - b[0]), abs(z - b[1])) > reach for b, reach in zip(BLOCKS, reaches, strict=True)
-        )
+        clear = (max(abs(x - b[0]), abs(z - b[1])) > reach for b, reach in zip(BLOCKS, reaches, strict=True))
         if all(clear):
             yield x, z
 

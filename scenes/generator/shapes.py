@@ -42,9 +42,7 @@ def block(x: float, z: float, half_x: float, half_z: float, height: float, turne
     """A box that stands on the plane y = 0; `turned` by 36.87° (3:4:5) about its own axis."""
     c, s = (0.8, 0.6) if turned else (1.0, 0.0)
     up = (0.0, height / 2, 0.0)
-    return box(
-        (x, height / 2, z), up, (half_z * s, 0.0, half_z * c), (half_x * c, 0.0, -half_x * s)
-    )
+    return box((x, height / 2, z), up, (half_z * s, 0.0, half_z * c), (half_x * c, 0.0, -half_x * s))
 
 
 def sphere(frequency: int) -> list[Face]:

@@ -80,14 +80,8 @@ def patches() -> Iterator[Patch]:
     for tube in (HANDLE, SPOUT):
         for first in (0, 3):
             rows = tube[first : first + 4]
-            yield [
-                [(ox, 0.0, oz), (ox, -w, oz), (ix, -w, iz), (ix, 0.0, iz)]
-                for ix, iz, ox, oz, w in rows
-            ]
-            yield [
-                [(ix, 0.0, iz), (ix, w, iz), (ox, w, oz), (ox, 0.0, oz)]
-                for ix, iz, ox, oz, w in rows
-            ]
+            yield [[(ox, 0.0, oz), (ox, -w, oz), (ix, -w, iz), (ix, 0.0, iz)] for ix, iz, ox, oz, w in rows]
+            yield [[(ix, 0.0, iz), (ix, w, iz), (ox, w, oz), (ox, 0.0, oz)] for ix, iz, ox, oz, w in rows]
 
 
 def _bernstein(t: float) -> tuple[float, ...]:

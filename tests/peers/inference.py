@@ -22,6 +22,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, fields
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -90,7 +91,7 @@ def random_layers(depth: int, hidden: int) -> Layers:
             (random.uniform(-1, 1, (b, a)) * np.sqrt(6 / a)).astype(np.float32),
             random.uniform(-1, 1, b).astype(np.float32),
         )
-        for a, b in zip(widths, widths[1:])
+        for a, b in pairwise(widths)
     ]
 
 
@@ -178,9 +179,7 @@ def onnx_runtime(layers: Layers, terms: np.ndarray, threads: int) -> Callable[[]
         nodes.append(helper.make_node("Gemm", [name, f"w{i}", f"b{i}"], [f"y{i}"]))
         name = f"y{i}"
         if i + 1 < len(layers):
-            nodes.append(
-                helper.make_node("LeakyRelu", [name], [f"x{i + 1}"], alpha=float(SLOPE))
-            )
+            nodes.append(helper.make_node("LeakyRelu", [name], [f"x{i + 1}"], alpha=float(SLOPE)))
             name = f"x{i + 1}"
     graph = helper.make_graph(
         nodes,
@@ -261,17 +260,13 @@ def measure(
     for name, times in seconds.items():
         median = statistics.median(times)
         gflops = 0.0 if name[0] == "copy" else flops / median / 1e9
-        rows.append(
-            Row(*name, depth, hidden, lanes, 1e3 * median, gflops, gflops / peak, threads)
-        )
+        rows.append(Row(*name, depth, hidden, lanes, 1e3 * median, gflops, gflops / peak, threads))
     return rows
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Compare nst with other programs.")
-    parser.add_argument(
-        "--burn", type=Path, metavar="PROGRAM", help="compare with this, on the GPU"
-    )
+    parser.add_argument("--burn", type=Path, metavar="PROGRAM", help="compare with this, on the GPU")
     parser.add_argument("--lanes", type=int, nargs="+", default=[1024, 16384, 262144])
     parser.add_argument("--rounds", type=int, default=7, help="turns of each (default: 7)")
     parser.add_argument("--threads", type=int, default=2, help="default: 2")

@@ -2,6 +2,8 @@
 
     python tests/peers/inference_tables.py            # rewrites them
     python tests/peers/inference_tables.py --check    # exit code 1 if they would change
+
+`inference.py` and tools/measure-transform write those files.
 """
 
 import argparse
@@ -73,13 +75,18 @@ def lavapipe() -> str:
     names = ["tiled, f32", "naive, f32", "tiled, f16"]
     head = ["network", "tiled, GFLOP/s", "naive", "ratio", "tiled, weights in f16"]
     head += ["Burn, GFLOP/s", "ratio"]
+
+    def rate(row: Row) -> str:
+        return f"{float(row['gflops']):.1f}"
+
     rows = []
     for (shape, _), by in jobs(read("inference-lavapipe.csv")).items():
         tiled, naive, half = (by[name] for name in names)
-        rate = lambda row: f"{float(row['gflops']):.1f}"  # noqa: E731
         rows.append(
-            [shape, rate(tiled), rate(naive), f"{ms(naive) / ms(tiled):.1f}", rate(half)]
-            + [rate(by["burn"]), f"{ms(by['burn']) / ms(tiled):.1f}"]
+            [
+                *(shape, rate(tiled), rate(naive), f"{ms(naive) / ms(tiled):.1f}", rate(half)),
+                *(rate(by["burn"]), f"{ms(by['burn']) / ms(tiled):.1f}"),
+            ]
         )
     return table(head, rows)
 
@@ -112,7 +119,8 @@ def main() -> None:
     for make in (cpu, floors, lavapipe, transform):
         begin, end = f"<!-- {make.__name__} -->\n", f"<!-- end of {make.__name__} -->"
         pattern = re.compile(f"(?<={re.escape(begin)}).*?(?={re.escape(end)})", re.DOTALL)
-        new, count = pattern.subn(lambda _: make() + "\n", new)
+        made = make() + "\n"
+        new, count = pattern.subn(lambda _, made=made: made, new)
         if count != 1:
             sys.exit(f"{path}: expected {begin.strip()} … {end} once")
     if not check:

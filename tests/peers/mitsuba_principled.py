@@ -15,8 +15,17 @@ import csv
 import mitsuba as mi
 import numpy as np
 
-PARAMETERS = ["metallic", "roughness", "specular", "specular_tint", "anisotropic",
-              "sheen", "sheen_tint", "clearcoat", "clearcoat_gloss"]
+PARAMETERS = [
+    "metallic",
+    "roughness",
+    "specular",
+    "specular_tint",
+    "anisotropic",
+    "sheen",
+    "sheen_tint",
+    "clearcoat",
+    "clearcoat_gloss",
+]
 NAMES = {"specular_tint": "spec_tint"}
 
 
@@ -33,6 +42,7 @@ def random_parameters(rng):
 
 def random_directions(rng, near):
     """A pair above the surface; near mirror reflection, if so asked."""
+
     def direction():
         z, phi = rng.uniform(0.05, 1.0), rng.uniform(0.0, 2.0 * np.pi)
         return np.array([np.cos(phi), np.sin(phi), 0.0]) * np.sqrt(1.0 - z * z) + [0.0, 0.0, z]
@@ -47,8 +57,7 @@ def random_directions(rng, near):
 
 def evaluate(parameters, color, wo, wi):
     values = {NAMES.get(name, name): float(value) for name, value in parameters.items()}
-    bsdf = mi.load_dict({"type": "principled", "base_color": {"type": "rgb", "value": color},
-                         **values})
+    bsdf = mi.load_dict({"type": "principled", "base_color": {"type": "rgb", "value": color}, **values})
     interaction = mi.SurfaceInteraction3f()
     interaction.wi = mi.Vector3f([float(x) for x in wo])
     return bsdf.eval(mi.BSDFContext(), interaction, mi.Vector3f([float(x) for x in wi]))
@@ -64,8 +73,11 @@ def main():
     rng = np.random.default_rng(args.seed)
     with open(args.output, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        columns = [f"{v}.{c}" for v, cs in [("color", "rgb"), ("wo", "xyz"), ("wi", "xyz"),
-                                            ("value", "rgb")] for c in cs]
+        columns = [
+            f"{v}.{c}"
+            for v, cs in [("color", "rgb"), ("wo", "xyz"), ("wi", "xyz"), ("value", "rgb")]
+            for c in cs
+        ]
         writer.writerow(PARAMETERS + columns)
         for row in range(args.rows):
             parameters = {n: float(np.float32(v)) for n, v in random_parameters(rng).items()}

@@ -30,9 +30,7 @@ from mitsuba_scene import translate
 from scene_files import SceneError, SceneFiles, read_scene
 
 
-def mean_and_variance(
-    scene: mi.Scene, seeds: Sequence[int], spp: int
-) -> tuple[np.ndarray, np.ndarray]:
+def mean_and_variance(scene: mi.Scene, seeds: Sequence[int], spp: int) -> tuple[np.ndarray, np.ndarray]:
     """Renders once per seed; returns the mean image and the variance of that mean."""
     total, total_of_squares = 0.0, 0.0
     for done, seed in enumerate(seeds, start=1):
@@ -46,9 +44,7 @@ def mean_and_variance(
     return mean, np.maximum(total_of_squares / runs - mean**2, 0.0) / (runs - 1)
 
 
-def write_exr(
-    path: Path, mean: np.ndarray, variance: np.ndarray, attributes: dict[str, str | int]
-) -> None:
+def write_exr(path: Path, mean: np.ndarray, variance: np.ndarray, attributes: dict[str, str | int]) -> None:
     """Writes beside the output and renames, so that a broken run leaves the old file."""
     channels = {}
     for i, name in enumerate("RGB"):

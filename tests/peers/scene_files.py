@@ -7,6 +7,7 @@ reference never leaves something out.
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -101,7 +102,7 @@ def _read_obj(path: Path) -> tuple[list[Part], list[Path]]:
             except ValueError:
                 raise SceneError(f"{path}:{number}: corners must be all v or all v//vn") from None
             # A polygon a b c d … is the fan abc, acd, …
-            fan = [[corners[0], b, c] for b, c in zip(corners[1:], corners[2:])]
+            fan = [[corners[0], b, c] for b, c in pairwise(corners[1:])]
             faces.setdefault((material, smooth), []).extend(fan)
         elif keyword == "usemtl":
             material = args[0]

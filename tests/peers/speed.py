@@ -123,9 +123,7 @@ def print_medians(rows: list[Run]) -> None:
     for scene in dict.fromkeys(row.scene for row in rows):
         ours, theirs = (
             statistics.median(
-                row.paths_per_second
-                for row in rows
-                if (row.scene, row.renderer) == (scene, renderer.name)
+                row.paths_per_second for row in rows if (row.scene, row.renderer) == (scene, renderer.name)
             )
             for renderer in (Nst, Mitsuba)
         )

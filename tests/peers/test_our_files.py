@@ -1,4 +1,4 @@
-"""OpenImageIO, OpenEXR and its tools read every kind of file that nst writes: names, types, attributes, each bit."""
+"""OpenImageIO, OpenEXR and its tools read every kind of file that nst writes: names, types, each bit."""
 
 import subprocess
 from pathlib import Path

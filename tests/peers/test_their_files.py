@@ -177,7 +177,10 @@ def test_the_documented_example(nst_binary: Path, tmp_path: Path) -> None:
     (tmp_path / "bin" / "python").chmod(0o755)
     done = subprocess.run(
         ["bash", "-euc", f'PATH="$PWD/bin:$PATH"\n{commands}'],
-        cwd=tmp_path, capture_output=True, text=True, check=False,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     assert "16 of 64x64 pixels" in done.stdout, done.stdout

@@ -14,9 +14,7 @@ from nst_train.errors import UserError
 def main(argv: list[str] | None = None) -> int:
     """`argv` is for tests; without it, the command line. Returns the exit code."""
     parser = argparse.ArgumentParser(prog="python -m nst_train", description=__doc__)
-    parser.add_argument(
-        "config", type=Path, nargs="+", help="TOML files, for instance configs/gaussian.toml"
-    )
+    parser.add_argument("config", type=Path, nargs="+", help="TOML files, for instance configs/gaussian.toml")
     parser.add_argument(
         "--out",
         type=Path,
@@ -25,12 +23,8 @@ def main(argv: list[str] | None = None) -> int:
         help="where results go; with several configs, each into FOLDER/NAME. "
         "What is there of an interrupted run is continued",
     )
-    parser.add_argument(
-        "--small", action="store_true", help="the setting for two CPU cores, not the paper's"
-    )
-    parser.add_argument(
-        "--device", choices=["auto", "cpu", "cuda"], default="auto", help="[default: auto]"
-    )
+    parser.add_argument("--small", action="store_true", help="the setting for two CPU cores, not the paper's")
+    parser.add_argument("--device", choices=["auto", "cpu", "cuda"], default="auto", help="[default: auto]")
     arguments = parser.parse_args(argv)
     setting = "small" if arguments.small else "paper"
     try:

@@ -67,8 +67,6 @@ def draw(panels: list[Panel], path: Path) -> None:
         ax.set_xticks(shown, [str(n) for n in shown])
         ax.xaxis.set_minor_locator(NullLocator())
         ax.grid(which="major", color="#dddddd", linewidth=0.6)
-    figure.legend(
-        handles.values(), handles.keys(), loc="outside lower center", ncols=5, frameon=False
-    )
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=5, frameon=False)
     figure.savefig(path, metadata={"Date": None})
     plt.close(figure)

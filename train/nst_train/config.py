@@ -171,9 +171,7 @@ def _check_ranges(config: Config) -> None:
     require(re.fullmatch(r"[\w-]+", config.name) is not None, "name", "letters, digits, '-' or '_'")
     require(0 <= config.seed < 2**63, "seed", "0 or more, below 2^63")
     require(config.window >= 2, "window", "2 or more")
-    require(
-        bool(config.hidden) and min(config.hidden) >= 1, "hidden", "a list of widths, each 1 or more"
-    )
+    require(bool(config.hidden) and min(config.hidden) >= 1, "hidden", "a list of widths, each 1 or more")
     require(config.inputs in INPUTS, "inputs", f"one of {', '.join(INPUTS)}")
     require(config.start in STARTS, "start", f"one of {', '.join(STARTS)}")
     require(config.loss in LOSSES, "loss", f"one of {', '.join(LOSSES)}")

@@ -47,12 +47,10 @@ def evaluate(config: Config, model: Mlp, data: Data) -> list[Score]:
     for name, held_out in data.held_out.items():
         reference = held_out.reference.double().numpy()
         estimates = held_out.estimates.numpy()
-        tables = {"constant": {n: constant for n in every_n(config, data)}}
+        tables = {"constant": dict.fromkeys(every_n(config, data), constant)}
         for method, (length, _) in analytic.METHODS.items():
             tables[method] = {
-                n: analytic.transform(method, estimates, n)
-                for n in every_n(config, data)
-                if n >= length
+                n: analytic.transform(method, estimates, n) for n in every_n(config, data) if n >= length
             }
         if isinstance(config.data, FamiliesData):
             tables["bayes"] = bayes_limits(config, name, every_n(config, data))
@@ -108,8 +106,7 @@ def bayes_limits(config: Config, name: str, ns: range) -> dict[int, np.ndarray]:
     data = config.data
     names = data.families if name == "all" else [name]
     samples = {
-        family: families.held_out_samples(family, data.runs, data.terms, config.seed)
-        for family in names
+        family: families.held_out_samples(family, data.runs, data.terms, config.seed) for family in names
     }
     return {
         n: np.concatenate([bayes.limit(family, samples[family][..., :n]) for family in names])

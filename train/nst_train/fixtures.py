@@ -39,9 +39,7 @@ def random_network(hidden: list[int], seed: int) -> Mlp:
     rng = torch.Generator().manual_seed(seed)
     model = Mlp(WINDOW, hidden)
     for layer in model.layers:
-        nn.init.kaiming_normal_(
-            layer.weight, a=NEGATIVE_SLOPE, nonlinearity="leaky_relu", generator=rng
-        )
+        nn.init.kaiming_normal_(layer.weight, a=NEGATIVE_SLOPE, nonlinearity="leaky_relu", generator=rng)
         nn.init.normal_(layer.bias, std=0.1, generator=rng)
     return model
 

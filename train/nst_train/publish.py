@@ -1,4 +1,5 @@
-"""Copies the weights of finished runs to weights/, and rewrites the table in weights/README.md.
+"""Copies the weights of finished runs to crates/nst-core/weights, and rewrites the table in
+weights/README.md.
 
     python -m nst_train.publish runs gaussian step plane-lambert …
 
@@ -13,10 +14,12 @@ from pathlib import Path
 
 from nst_train import weights
 from nst_train.errors import UserError
-from nst_train.figures import PAPER, Metrics, digits, replace_block
+from nst_train.figures import PAPER, replace_block
+from nst_train.metrics import Metrics
 from nst_train.renders import REPOSITORY
 
-WEIGHTS = REPOSITORY / "weights"
+WEIGHTS = REPOSITORY / "crates" / "nst-core" / "weights"
+PAGE = REPOSITORY / "weights" / "README.md"
 TABLE = "networks"
 NS = (8, 16, 32)
 SETTING = re.compile(r"^# The (\w+) setting was used\.$", re.MULTILINE)
@@ -64,16 +67,15 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m nst_train.publish", description=__doc__)
     parser.add_argument("runs", type=Path, help="folder of run folders")
     parser.add_argument("names", nargs="*", help="networks to copy; without any, only the table")
-    parser.add_argument("--weights", type=Path, default=WEIGHTS, help="[default: weights]")
+    parser.add_argument("--weights", type=Path, default=WEIGHTS, help="[default: crates/nst-core/weights]")
+    parser.add_argument("--page", type=Path, default=PAGE, help="[default: weights/README.md]")
     parser.add_argument("--paper", type=Path, default=PAPER, help="[default: docs/paper]")
     a = parser.parse_args(argv)
     try:
         copy(a.runs, a.names, a.weights)
-        page = a.weights / "README.md"
-        text = page.read_text(encoding="utf-8")
-        page.write_text(
-            replace_block(text, TABLE, table(a.weights, a.paper), page), encoding="utf-8"
-        )
+        text = a.page.read_text(encoding="utf-8")
+        made = replace_block(text, TABLE, table(a.weights, a.paper), a.page)
+        a.page.write_text(made, encoding="utf-8")
     except (UserError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

@@ -142,9 +142,10 @@ def render(scene: Path, options: list[object], dataset: Path) -> None:
     """Runs `nst render` and leaves its dataset at `dataset`."""
     dataset.parent.mkdir(parents=True, exist_ok=True)
     unfinished = dataset.with_suffix(".part.safetensors")
-    command = [renderer(), "render", "--scene", scene, *options, "-o", unfinished, "--quiet"]
+    line = [renderer(), "render", "--scene", scene, *options, "-o", unfinished, "--quiet"]
+    command = [str(word) for word in line]
     try:
-        result = subprocess.run(map(str, command), capture_output=True, text=True, errors="replace")
+        result = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
     except OSError as error:
         raise UserError(f"{command[0]}: cannot run the renderer: {error.strerror}") from error
     if result.returncode != 0 or not unfinished.is_file():

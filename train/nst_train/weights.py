@@ -38,9 +38,7 @@ def rounded(model: Mlp, dtype: torch.dtype) -> Mlp:
     return model
 
 
-def save(
-    path: Path, model: Mlp, provenance: Provenance, dtype: torch.dtype = torch.float32
-) -> None:
+def save(path: Path, model: Mlp, provenance: Provenance, dtype: torch.dtype = torch.float32) -> None:
     """Writes f32 or f16 weights; the same network and provenance give the same bytes."""
     architecture = {
         "format": FORMAT,
@@ -79,7 +77,7 @@ def load_tensors(path: Path) -> tuple[dict[str, torch.Tensor], dict[str, str]]:
         raise UserError(f"{path}: no such file")
     try:
         with safetensors.safe_open(path, framework="pt") as file:
-            tensors = {name: file.get_tensor(name) for name in file.keys()}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (no dictionary)
             return tensors, file.metadata() or {}
     except safetensors.SafetensorError as error:
         raise UserError(f"{path}: not a safetensors file: {error}") from error

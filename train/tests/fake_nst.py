@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+
 from dataset_writer import write_dataset
 
 SCENE = "box:v2:0123456789abcdef"
@@ -41,9 +42,7 @@ if __name__ == "__main__":
     rng = np.random.default_rng(a.seed)
     noise = rng.normal(0.0, DEVIATION, (a.runs, a.spp, channels, height, width))
     noise[:, :, :, 0] = 0.0
-    samples = np.broadcast_to(
-        np.arange(1.0, width + 1) + noise, (a.runs, a.spp, 3, height, width)
-    )
+    samples = np.broadcast_to(np.arange(1.0, width + 1) + noise, (a.runs, a.spp, 3, height, width))
     means = np.cumsum(samples, axis=1) / np.arange(1, a.spp + 1)[:, None, None, None]
     first = 1 if a.keep == "all" else max(1, a.spp - 7)
     kept = np.ascontiguousarray(means[:, first - 1 :].reshape(a.runs, a.spp - first + 1, -1))

@@ -44,9 +44,7 @@ def test_the_small_setting_replaces_some_keys() -> None:
     small = config.parse(tomllib.loads(text), text, "small")
     assert (paper.epochs, paper.data.runs) == (1000, 100)
     assert (small.epochs, small.data.runs) == (7, 3)
-    assert small == replace(
-        paper, epochs=7, setting="small", data=replace(paper.data, runs=3)
-    )
+    assert small == replace(paper, epochs=7, setting="small", data=replace(paper.data, runs=3))
 
 
 @pytest.mark.parametrize(
@@ -60,9 +58,7 @@ def test_the_small_setting_replaces_some_keys() -> None:
         ('[small.data]\nscene = "x.obj"', "unknown key 'small.data.scene'"),
     ],
 )
-def test_mistakes_of_the_small_setting_are_found_whatever_the_setting(
-    line: str, complaint: str
-) -> None:
+def test_mistakes_of_the_small_setting_are_found_whatever_the_setting(line: str, complaint: str) -> None:
     text = FAMILIES.split("\n[small]")[0] + "\n[small]\n" + line
     for setting in config.SETTINGS:
         with pytest.raises(UserError, match=re.escape(complaint)):

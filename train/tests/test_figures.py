@@ -1,19 +1,19 @@
 """Charts, tables and published weights follow from CSV files, and a change of either is noticed."""
 
 import json
-import json
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_nst import DEVIATION
 
-from nst_train import charts, evaluation, figures, pictures, publish, runs, weights
+from fake_nst import DEVIATION
+from nst_train import charts, evaluation, figures, paper_figures, pictures, publish, runs, weights
 from nst_train import config as configs
 from nst_train.config import RendersData
 from nst_train.errors import UserError
 from nst_train.evaluation import Score
+from nst_train.metrics import Metrics
 from nst_train.model import Mlp
 from nst_train.weights import Provenance
 
@@ -32,9 +32,9 @@ def scores(name: str, data: str) -> list[Score]:
 def runs_folder(tmp_path: Path) -> Path:
     """Finished runs of figure 5 and of one family, with made-up scores."""
     folder = tmp_path / "runs"
-    for name in ("step", *figures.with_halton(figures.PLANES)):
+    for name in ("step", *paper_figures.with_halton(paper_figures.PLANES)):
         (folder / name).mkdir(parents=True)
-        rows = scores(name, name.removesuffix(figures.HALTON))
+        rows = scores(name, name.removesuffix(paper_figures.HALTON))
         evaluation.write_metrics(folder / name / "metrics.csv", rows)
         history = [(1, 0.5, 10.4), (2, 0.25, 20.6)]
         evaluation.write_csv(folder / name / "history.csv", evaluation.HISTORY_COLUMNS, history)
@@ -44,15 +44,15 @@ def runs_folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def metrics(tmp_path: Path) -> figures.Metrics:
+def metrics(tmp_path: Path) -> Metrics:
     """All that the 1D figures need, with made-up scores."""
-    for name in (*figures.FAMILIES, *figures.LOSSES.values(), *figures.WINDOWS.values()):
-        datas = figures.FAMILIES if name.startswith("families") else (name,)
-        if name in figures.WINDOWS.values():
+    for name in (*paper_figures.FAMILIES, *paper_figures.LOSSES.values(), *paper_figures.WINDOWS.values()):
+        datas = paper_figures.FAMILIES if name.startswith("families") else (name,)
+        if name in paper_figures.WINDOWS.values():
             datas = ("gaussian",)
         rows = [score for data in datas for score in scores(name, data)]
         evaluation.write_metrics(tmp_path / f"{name}.csv", rows)
-    return figures.Metrics(tmp_path)
+    return Metrics(tmp_path)
 
 
 @pytest.fixture
@@ -96,14 +96,15 @@ def test_one_command_draws_what_there_are_numbers_for(
     assert figures.main([*options, "--check"]) == 0
 
 
-def test_1d_figures_show_every_method(metrics: figures.Metrics) -> None:
-    families = figures.figure_3(metrics)
-    assert [panel.title for panel in families] == list(figures.FAMILIES)
+def test_1d_figures_show_every_method(metrics: Metrics) -> None:
+    families = paper_figures.figure_3(metrics)
+    assert [panel.title for panel in families] == list(paper_figures.FAMILIES)
     assert all(len(panel.curves) == len(METHODS) + 1 for panel in families)  # T twice
-    assert [len(figures.figure_4(metrics)[0].curves), len(figures.table_4(metrics).splitlines())] == [5, 6]
-    assert len(figures.figure_windows(metrics)[0].curves) == 5
-    assert "| step: T′, trained on all three | 2.08 | 2.16 | 2.32 | 2.64 |" in figures.table_3(metrics)
-    assert "| M = 16 | 2.08 |" in figures.table_windows(metrics)
+    assert len(paper_figures.figure_4(metrics)[0].curves) == 5
+    assert len(paper_figures.table_4(metrics).splitlines()) == 6
+    assert len(paper_figures.figure_windows(metrics)[0].curves) == 5
+    assert "| step: T′, trained on all three | 2.08 | 2.16 | 2.32 | 2.64 |" in paper_figures.table_3(metrics)
+    assert "| M = 16 | 2.08 |" in paper_figures.table_windows(metrics)
 
 
 def test_the_committed_page_is_what_its_tables_give() -> None:
@@ -114,10 +115,10 @@ def test_bad_tables_are_named(tmp_path: Path) -> None:
     path = tmp_path / "x.csv"
     path.write_text("a,b\n1,2\n")
     with pytest.raises(UserError, match="x.csv: expected the columns name,data,method"):
-        figures.Metrics(tmp_path).rows("x")
+        Metrics(tmp_path).rows("x")
     evaluation.write_metrics(path, [])
     with pytest.raises(UserError, match="x.csv: no rows of method 'T' on 'step'"):
-        figures.Metrics(tmp_path).points("x", "step", "T")
+        Metrics(tmp_path).points("x", "step", "T")
     with pytest.raises(UserError, match="no finished run"):
         figures.collect(tmp_path, tmp_path)
     with pytest.raises(UserError, match="expected one pair of markers <!-- a -->"):
@@ -125,7 +126,7 @@ def test_bad_tables_are_named(tmp_path: Path) -> None:
 
 
 def test_charts_are_the_same_bytes(tmp_path: Path) -> None:
-    panels = [charts.Panel("x", [charts.Curve("S", figures.S, [8, 16], [0.2, 0.1])])]
+    panels = [charts.Panel("x", [charts.Curve("S", paper_figures.S, [8, 16], [0.2, 0.1])])]
     for name in ("a.svg", "b.svg"):
         charts.draw(panels, tmp_path / name)
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
@@ -133,22 +134,21 @@ def test_charts_are_the_same_bytes(tmp_path: Path) -> None:
 
 def test_every_figure_has_configs() -> None:
     known = {path.stem for path in (Path(__file__).parents[1] / "configs").glob("*.toml")}
-    assert set(figures.EXPERIMENTS) <= known
+    assert set(paper_figures.EXPERIMENTS) <= known
 
 
-def test_publishing_copies_weights_and_says_how_they_score(
-    runs_folder: Path, tmp_path: Path
-) -> None:
+def test_publishing_copies_weights_and_says_how_they_score(runs_folder: Path, tmp_path: Path) -> None:
     folder, paper = tmp_path / "weights", tmp_path / "paper"
     folder.mkdir()
-    (folder / "README.md").write_text("a\n<!-- networks -->\n<!-- end of networks -->\nb\n")
+    page = tmp_path / "README.md"
+    page.write_text("a\n<!-- networks -->\n<!-- end of networks -->\nb\n")
     figures.collect(runs_folder, paper)
     config = 'name = "step"\n\n# The small setting was used.\n'
     provenance = Provenance("family:step", "8..64", "L2", 3, 1, config)
     weights.save(runs_folder / "step" / "step.safetensors", Mlp(8, [5, 4]), provenance)
-    options = ["--weights", str(folder), "--paper", str(paper)]
+    options = ["--weights", str(folder), "--page", str(page), "--paper", str(paper)]
     assert publish.main([str(runs_folder), "step", *options]) == 0
-    readme = (folder / "README.md").read_text()
+    readme = page.read_text()
     row = "| `step` | family:step | 8-5-4-1 | L2 | 3 | small | step | 2.08 | 2.16 | 2.32 |"
     assert row in readme and readme.startswith("a\n") and readme.endswith("\nb\n")
     assert publish.main([str(runs_folder), "step", "gaussian", *options]) == 1  # has no weights

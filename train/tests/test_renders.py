@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from dataset_writer import write_dataset
 from fake_nst import SCENE
-
 from nst_train import dataset, renders
 from nst_train.config import RendersData
 from nst_train.errors import UserError
@@ -80,9 +80,7 @@ def test_damaged_datasets_are_named(tmp_path: Path) -> None:
         read()
 
 
-def test_renders_once_and_drops_constant_lanes(
-    fake_nst: Path, settings: RendersData, tmp_path: Path
-) -> None:
+def test_renders_once_and_drops_constant_lanes(fake_nst: Path, settings: RendersData, tmp_path: Path) -> None:
     data = renders.make_data(settings, tmp_path / "cache")
     calls = fake_nst.read_text().splitlines()
     assert calls == ["all 5 3 10 random 2 center", "window 8 1 500 random 2 center"]
@@ -134,9 +132,7 @@ def test_what_was_asked_for_is_rendered_and_checked(
         renders.load(settings, cache)
 
 
-def test_a_failing_renderer_is_quoted(
-    fake_nst: Path, settings: RendersData, tmp_path: Path
-) -> None:
+def test_a_failing_renderer_is_quoted(fake_nst: Path, settings: RendersData, tmp_path: Path) -> None:
     with pytest.raises(UserError, match="failed .1.: error: the scene is on fire put it out"):
         renders.load(replace(settings, first_seed=13), tmp_path / "cache")
     assert not list(tmp_path.glob("cache/**/*.safetensors"))

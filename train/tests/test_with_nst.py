@@ -23,8 +23,8 @@ def nst(*arguments: object) -> None:
 
 
 def dataset(**changed: object) -> RendersData:
-    fixed = dict(kind="renders", scene=SCENE, size=SIZE, runs=2, evaluation_runs=1, terms=10)
-    varied = dict(reference_spp=32, first_seed=SEED, sampler="random", max_depth=8, pixel="box")
+    fixed = {"kind": "renders", "scene": SCENE, "size": SIZE, "runs": 2, "evaluation_runs": 1, "terms": 10}
+    varied = {"reference_spp": 32, "first_seed": SEED, "sampler": "random", "max_depth": 8, "pixel": "box"}
     return RendersData(**(fixed | varied | changed))
 
 
@@ -43,8 +43,10 @@ def test_a_fresh_network_gives_the_same_picture_in_pytorch_and_nst(
     weights.save(path, model, provenance, dtype)
     sequence, picture = tmp_path / "sequence.exr", tmp_path / "picture.exr"
     size = ("--size", "12x10", "--spp", 10, "--seed", SEED)
-    nst(*("render", "--scene", renders.REPOSITORY / SCENE, *size),
-        *("--sequence", sequence, "-o", tmp_path / "plain.exr", "--transform", "none"))
+    nst(
+        *("render", "--scene", renders.REPOSITORY / SCENE, *size),
+        *("--sequence", sequence, "-o", tmp_path / "plain.exr", "--transform", "none"),
+    )
     nst("transform", sequence, "--weights", path, "-o", picture, "--backend", "cpu")
 
     # Run 0 has the seed of the sequence.
