@@ -70,7 +70,7 @@ fn batch(window: &Array2<f32>) -> SequenceBatch {
 
 fn apply(transform: &dyn Transform, batch: &SequenceBatch) -> Estimates {
     let mut estimates = Estimates::default();
-    transform.apply(batch, &mut estimates).expect("the backend works");
+    transform.transform(batch, &mut estimates).expect("the backend works");
     estimates
 }
 
@@ -346,7 +346,7 @@ fn a_lost_device_is_an_error() {
     let window = batch(&random_window(8, 100, 72));
     let mut estimates = apply(&mlp, &window);
     gpu.lose();
-    let error = mlp.apply(&window, &mut estimates).expect_err("there is no device");
+    let error = mlp.transform(&window, &mut estimates).expect_err("there is no device");
     assert!(matches!(error, nst_core::Error::Gpu(_)), "{error}");
     assert!(MlpGpu::new(gpu, random_network(&[8, 16], 71)).is_err());
 }

@@ -1,10 +1,9 @@
 //! Scenes whose radiance has a closed form.
 
 use glam::Vec3A;
-use nst_core::SequenceBatch;
+use nst_core::{Keep, SequenceBatch, Side};
 use nst_render::{
-    Camera, Environment, Keep, Material, RenderSettings, SamplerKind, Scattering, Scene, Triangle,
-    VARIANCE, render,
+    Camera, Environment, Material, RenderSettings, SamplerKind, Scattering, Scene, Triangle, render,
 };
 
 /// The cube [−1, 1]³ of one material, seen from `position`.
@@ -55,7 +54,7 @@ fn sequences(scene: &Scene, spp: u32) -> SequenceBatch {
 
 /// How many standard errors the mean of each channel is away from its closed form.
 fn z_scores(batch: &SequenceBatch, expected: Vec3A) -> [f64; 3] {
-    let variance = batch.side(VARIANCE).expect("a variance");
+    let variance = batch.side(&Side::Variance).expect("a variance");
     let pixels = batch.lanes() / 3;
     std::array::from_fn(|channel| {
         let lanes = channel * pixels..(channel + 1) * pixels;
@@ -160,7 +159,7 @@ fn variance_is_estimated_without_bias() {
         let mean = values.clone().sum::<f64>() / 64.0;
         observed += values.map(|x| (x - mean).powi(2)).sum::<f64>() / 63.0;
         let variances =
-            runs.iter().map(|run| f64::from(run.side(VARIANCE).expect("a variance")[lane]));
+            runs.iter().map(|run| f64::from(run.side(&Side::Variance).expect("a variance")[lane]));
         estimated += variances.sum::<f64>() / 64.0;
     }
     // 768 lanes, of which three share their paths, × 63 degrees of freedom:
@@ -175,8 +174,7 @@ fn folds_partition_the_samples() {
     let scene = cube(Vec3A::splat(0.5), Vec3A::ONE, Vec3A::ZERO, Vec3A::new(0.3, -0.2, 0.6));
     let batch = sequences(&scene, 10);
     for lane in 0..batch.lanes() {
-        let fold =
-            |k: usize| f64::from(batch.side(&nst_render::fold_name(k)).expect("a fold")[lane]);
+        let fold = |k: usize| f64::from(batch.side(&Side::ALL_FOLDS[k]).expect("a fold")[lane]);
         // Ten samples in four folds: three, three, two, two.
         let mean = (3.0 * fold(0) + 3.0 * fold(1) + 2.0 * fold(2) + 2.0 * fold(3)) / 10.0;
         let last = f64::from(batch.last()[lane]);

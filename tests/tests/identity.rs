@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use nst_render::{Keep, RenderSettings, SamplerKind, Scene, render};
+use nst_core::Keep;
+use nst_render::{RenderSettings, SamplerKind, Scene, render};
 
 fn cornell(size: [u32; 2]) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/cornell/cornell.obj");

@@ -3,7 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
-use nst_render::{Keep, RenderSettings, SamplerKind, Scene, VARIANCE, film, render};
+use nst_core::{Keep, Side};
+use nst_files::picture::Picture;
+use nst_render::{RenderSettings, SamplerKind, Scene, render};
 use nst_tests::image_test::{Comparison, Estimate, compare, sums_z};
 
 fn repository() -> PathBuf {
@@ -25,16 +27,19 @@ struct Image {
 impl Image {
     fn reference(name: &str) -> Self {
         let path = repository().join(format!("tests/data/reference/{name}-64.exr"));
-        let (size, mean) = film::read_exr_layer(&path, "").expect("the reference");
-        let (_, variance) = film::read_exr_layer(&path, VARIANCE).expect("its variance");
-        assert_eq!(size, [64, 64]);
+        let layer = |name| {
+            let picture = Picture::open(&path, name).expect("a layer");
+            assert_eq!(picture.size, [64, 64]);
+            picture.read().expect("its pixels")
+        };
+        let (mean, variance) = (layer(None), layer(Some("Variance")));
         Self { mean, variance }
     }
 
     fn render(scene: &Scene, spp: u32, sampler: SamplerKind, seed: u64) -> Self {
         let settings = RenderSettings { spp, sampler, seed, keep: Keep::Window(1) };
         let batch = render(scene, &settings, &|_| {}).expect("the scene renders").batch;
-        let variance = batch.side(VARIANCE).expect("a variance").to_vec();
+        let variance = batch.side(&Side::Variance).expect("a variance").to_vec();
         Self { mean: batch.last().to_vec(), variance }
     }
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Parser, Subcommand, ValueEnum};
-use nst_core::{BUILTIN, methods::METHODS};
+use nst_core::{Network, methods::METHODS};
 use nst_files::output::Name;
 use nst_render::{PixelFilter, SamplerKind};
 
@@ -429,14 +429,14 @@ pub(crate) enum BackendArg {
 pub(crate) enum TransformArg {
     Auto,
     None,
-    /// The name of a network in [`BUILTIN`].
+    /// The name of a network of [`Network::builtins`].
     Builtin(&'static str),
     /// A name in [`METHODS`].
     Method(&'static str),
 }
 
 fn transform(text: &str) -> Result<TransformArg, String> {
-    let builtin = BUILTIN.iter().map(|&(name, _)| (name, TransformArg::Builtin(name)));
+    let builtin = Network::builtins().map(|it| (it.name(), TransformArg::Builtin(it.name())));
     let methods = METHODS.iter().map(|&name| (name, TransformArg::Method(name)));
     let known = [("auto", TransformArg::Auto), ("none", TransformArg::None)];
     let mut known = known.into_iter().chain(builtin).chain(methods);

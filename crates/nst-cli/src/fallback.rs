@@ -8,9 +8,7 @@ use std::{
     thread::{self, JoinHandle},
 };
 
-use nst_core::{
-    Error, Estimates, Fitted, MlpCpu, Requirements, SequenceBatch, Strips, Transform,
-};
+use nst_core::{Error, Estimates, Fitted, MlpCpu, Requirements, SequenceBatch, Strips, Transform};
 
 use crate::report::complain;
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use nst_core::{
-    BUILTIN, Identity, MlpCpu, Network, Transform,
+    Identity, MlpCpu, Network, Transform,
     gpu::{AdapterKind, Gpu, MlpGpu},
     methods::method,
 };
@@ -72,7 +72,8 @@ impl Method {
                 Ok(Self::on_cpu(name, AS_ASKED, method))
             }
             TransformArg::Builtin(name) => Self::network(name, AS_ASKED, builtin(name)?, backend),
-            TransformArg::Auto => match trained_on(BUILTIN, origin)? {
+            TransformArg::Auto => match choose(Network::builtins_trained_on(origin.scene)?, origin)
+            {
                 Ok((name, network)) => {
                     let reason = format!("trained on this scene; {}", network.shape());
                     Self::network(name, reason, network, backend)
@@ -152,19 +153,15 @@ fn builtin(name: &str) -> Result<Network, Error> {
     Ok(network.unwrap_or_else(|| unreachable!("the command line admits built-in names only"))?)
 }
 
-/// The network for this very scene, sampler and these terms, or why there is none.
-fn trained_on(
-    networks: &[(&'static str, &[u8])],
-    Origin { scene, sampler, counts }: Origin<'_>,
-) -> Result<Result<(&'static str, Network), String>, Error> {
-    let wanted = format!("scene:{scene}");
+/// Of the networks that were trained on this very scene, the one for its sampler and its
+/// terms, or why there is none.
+fn choose(
+    networks: Vec<(&'static str, Network)>,
+    Origin { sampler, counts, .. }: Origin<'_>,
+) -> Result<(&'static str, Network), String> {
     let mut reason = "no network was trained on this very scene".to_owned();
-    for &(name, bytes) in networks {
-        let network = Network::from_bytes(bytes)?;
+    for (name, network) in networks {
         let metadata = network.metadata();
-        if !metadata.trained_on.contains(&wanted) {
-            continue;
-        }
         let (first, last) = metadata.samples;
         let window = &counts[counts.len().saturating_sub(metadata.window)..];
         let used = metadata.sampler.as_deref().unwrap_or(FIRST_SAMPLER);
@@ -176,10 +173,10 @@ fn trained_on(
             // As in merged sequences: they vary more than what it has seen.
             format!("network '{name}' was trained on terms that are one sample apart")
         } else {
-            return Ok(Ok((name, network)));
+            return Ok((name, network));
         };
     }
-    Ok(Err(reason))
+    Err(reason)
 }
 
 #[cfg(test)]
@@ -220,10 +217,12 @@ mod tests {
     #[test]
     fn a_network_is_for_its_scene_sampler_and_terms() -> Result<(), Error> {
         let (old, halton) = (weights(None), weights(Some("halton")));
-        let networks = [("old", old.as_slice()), ("halton", halton.as_slice())];
         let chosen = |scene, sampler, counts| -> Result<Result<&str, String>, Error> {
-            let found = trained_on(&networks, Origin { scene, sampler, counts })?;
-            Ok(found.map(|(name, _)| name))
+            let networks = [("old", &old), ("halton", &halton)].into_iter();
+            let networks = networks.map(|(name, file)| Ok((name, Network::from_bytes(file)?)));
+            let mut networks = networks.collect::<Result<Vec<_>, Error>>()?;
+            networks.retain(|(_, network)| network.metadata().trained_on_scene(scene));
+            Ok(choose(networks, Origin { scene, sampler, counts }).map(|(name, _)| name))
         };
         assert_eq!(chosen("box:1", "random", &[9])?, Ok("old"));
         assert_eq!(chosen("box:1", "halton", &[8, 9])?, Ok("halton"));

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Bench, cornell};
-use nst_render::{output::OutputFile, sequence_file::SequenceFile};
+use nst_files::{output::OutputFile, sequence_file::SequenceFile};
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 

@@ -4,9 +4,10 @@ mod common;
 
 use std::path::Path;
 
-use common::{Bench, cornell};
+use common::{Bench, cornell, read_layer};
+use nst_core::Side;
 use nst_core::metrics;
-use nst_render::{film::read_exr_layer, sequence_file::SequenceFile};
+use nst_files::sequence_file::SequenceFile;
 use serde_json::Value;
 
 fn json(text: &str) -> Value {
@@ -38,7 +39,7 @@ fn compare_takes_errors_apart() {
     render(&bench, 1..=4, "--spp 8 --size 20x20");
     let said = bench.succeed("compare r1.exr r2.exr r3.exr r4.exr --json --error-map map.png");
     let report = json(&said);
-    let picture = |name: &str| read_exr_layer(&bench.path(name), "").expect("a picture").1;
+    let picture = |name: &str| read_layer(&bench.path(name), "").1;
     let reference = picture("r4.exr");
     let errors = ["r1.exr", "r2.exr", "r3.exr"]
         .map(|name| metrics::error(&picture(name), &reference).expect("one length"));
@@ -113,7 +114,7 @@ fn renderings_become_a_sequence_that_can_be_transformed() {
     let packed = sequence(&bench.path("seq.exr"));
     assert_eq!(packed.info.sample_counts, [2, 4, 6, 8, 10, 12, 14, 16, 18]);
     assert_eq!((packed.info.scene.as_str(), packed.info.seeds.len()), ("box", 0));
-    let first = read_exr_layer(&bench.path("r1.exr"), "").expect("a picture").1;
+    let first = read_layer(&bench.path("r1.exr"), "").1;
     assert_eq!(packed.batch.term(0), first);
     let said = bench.succeed("transform seq.exr --transform families --backend cpu --json");
     assert_eq!(json(&said)["lanes"], 14 * 40 * 3);
@@ -174,7 +175,7 @@ fn merged_sequences_are_means() {
             close(merged.batch.term(k)[lane], mean(&|i| parts[i].term(k)[lane]));
         }
         for (name, values) in merged.batch.sides() {
-            let divisor = if name == "Variance" { 3.0 } else { 1.0 };
+            let divisor = if *name == Side::Variance { 3.0 } else { 1.0 };
             let expected = mean(&|i| parts[i].side(name).expect("a side channel")[lane]);
             close(values[lane], expected / divisor);
         }
@@ -197,7 +198,7 @@ fn merged_variances_are_true() {
     for lane in 0..a.lanes() {
         squares += f64::from(a.last()[lane] - b.last()[lane]).powi(2);
         for batch in [&a, &b] {
-            variances += f64::from(batch.side("Variance").expect("a variance")[lane]);
+            variances += f64::from(batch.side(&Side::Variance).expect("a variance")[lane]);
         }
     }
     // Thousands of lanes; the few at the light's edge weigh most.

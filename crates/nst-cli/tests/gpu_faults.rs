@@ -3,8 +3,7 @@
 
 mod common;
 
-use common::{Bench, cornell};
-use nst_render::film::read_exr_layer;
+use common::{Bench, cornell, read_layer};
 
 /// Faults of `nst-core`'s feature `fault-injection`, and what is said of them.
 const FAULTS: [(&str, &str); 5] = [
@@ -21,7 +20,7 @@ fn job(backend: &str) -> String {
 
 /// The bits of T in `cornell.exr`.
 fn picture(bench: &Bench) -> Vec<u32> {
-    let (_, t) = read_exr_layer(&bench.path("cornell.exr"), "").expect("a picture");
+    let (_, t) = read_layer(&bench.path("cornell.exr"), "");
     t.iter().map(|x| x.to_bits()).collect()
 }
 

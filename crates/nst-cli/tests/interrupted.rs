@@ -11,8 +11,9 @@ use std::{
     time::{Duration, Instant},
 };
 
-use common::{Bench, cornell};
-use nst_render::{film::read_exr_layer, sequence_file::SequenceFile};
+use common::{Bench, cornell, read_layer};
+use nst_core::random::SplitMix64;
+use nst_files::sequence_file::SequenceFile;
 use safetensors::SafeTensors;
 
 fn sequence(bench: &Bench, name: &str) -> SequenceFile {
@@ -28,7 +29,7 @@ fn same(a: &SequenceFile, b: &SequenceFile) -> bool {
 
 fn layers(path: &Path) -> Vec<Vec<u32>> {
     let bits = |layer| {
-        let lanes = read_exr_layer(path, layer).expect("a layer").1;
+        let lanes = read_layer(path, layer).1;
         lanes.into_iter().map(f32::to_bits).collect()
     };
     ["", "S", "Variance"].map(bits).into()

@@ -4,6 +4,8 @@
 //! runs with one reference, and tells bias from variance; its unit is the pixel,
 //! the lanes of which are its channels.
 
+use std::fmt;
+
 use crate::Error;
 
 /// Added to the denominator of relMSE and SMAPE.
@@ -26,16 +28,6 @@ pub enum Metric {
 impl Metric {
     /// All metrics.
     pub const ALL: [Self; 3] = [Self::Mse, Self::RelMse, Self::Smape];
-
-    /// The usual name.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Mse => "MSE",
-            Self::RelMse => "relMSE",
-            Self::Smape => "SMAPE",
-        }
-    }
 
     /// The definition, with [`EPSILON`] as a number.
     #[must_use]
@@ -64,6 +56,17 @@ impl Metric {
             Self::RelMse => Some(1.0 / (i * i + EPSILON)),
             Self::Smape => None,
         }
+    }
+}
+
+/// The usual name.
+impl fmt::Display for Metric {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Mse => "MSE",
+            Self::RelMse => "relMSE",
+            Self::Smape => "SMAPE",
+        })
     }
 }
 

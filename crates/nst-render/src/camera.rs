@@ -1,5 +1,7 @@
 //! A pinhole camera.
 
+use std::{fmt, str::FromStr};
+
 use glam::{Vec2, Vec3A};
 
 /// Where the picture is taken from.
@@ -25,14 +27,25 @@ pub enum PixelFilter {
     Center,
 }
 
-impl PixelFilter {
-    /// The name in sequence files and on the command line.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
+/// The name in sequence files and on the command line.
+impl fmt::Display for PixelFilter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
             Self::Box => "box",
             Self::Center => "center",
-        }
+        })
+    }
+}
+
+impl FromStr for PixelFilter {
+    type Err = String;
+
+    /// Undoes `to_string`.
+    fn from_str(name: &str) -> Result<Self, String> {
+        let mut kinds = [Self::Box, Self::Center].into_iter();
+        kinds
+            .find(|kind| kind.to_string() == name)
+            .ok_or_else(|| format!("'{name}' is not 'box' or 'center'"))
     }
 }
 

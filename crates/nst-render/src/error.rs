@@ -52,7 +52,7 @@ pub enum Error {
 }
 
 impl Error {
-    pub(crate) fn io(_: &str, path: &Path, source: std::io::Error) -> Self {
+    pub(crate) fn io(path: &Path, source: std::io::Error) -> Self {
         Self::Io { path: path.to_owned(), source }
     }
 

@@ -3,6 +3,8 @@
 mod halton;
 mod hash;
 
+use std::{fmt, str::FromStr};
+
 use glam::Vec2;
 
 use crate::packet::PACKET;
@@ -18,14 +20,25 @@ pub enum SamplerKind {
     Halton,
 }
 
-impl SamplerKind {
-    /// The name in sequence files and on the command line.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
+/// The name in sequence files and on the command line.
+impl fmt::Display for SamplerKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
             Self::Random => "random",
             Self::Halton => "halton",
-        }
+        })
+    }
+}
+
+impl FromStr for SamplerKind {
+    type Err = String;
+
+    /// Undoes `to_string`.
+    fn from_str(name: &str) -> Result<Self, String> {
+        let mut kinds = [Self::Random, Self::Halton].into_iter();
+        kinds
+            .find(|kind| kind.to_string() == name)
+            .ok_or_else(|| format!("'{name}' is not 'random' or 'halton'"))
     }
 }
 

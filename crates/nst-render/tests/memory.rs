@@ -39,7 +39,7 @@ fn render_and_store(scene: &Scene, spp: u32, keep: Keep) {
         render_seconds: 0.0,
         resume: Some(ResumeInfo {
             keep,
-            pixel_filter: scene.pixel_filter.name().into(),
+            pixel_filter: scene.pixel_filter.to_string(),
             max_depth: scene.max_depth,
             russian_roulette: scene.russian_roulette,
         }),

@@ -212,7 +212,7 @@ impl Report {
             writeln!(
                 f,
                 "{:8}{:34}{:>11.4e}{}{:>12.4e}{}{}",
-                metric.name(),
+                metric,
                 metric.formula(),
                 row.error,
                 optional(row.standard_error, 11),

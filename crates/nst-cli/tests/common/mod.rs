@@ -5,6 +5,7 @@ use std::{
     process::{Command, Output},
 };
 
+use nst_files::picture::Picture;
 use tempfile::TempDir;
 
 /// A temporary folder in which `nst` runs.
@@ -70,6 +71,15 @@ impl Bench {
         assert!(output.status.success(), "nst {args}: {stderr}");
         String::from_utf8(output.stdout).expect("UTF-8")
     }
+}
+
+/// A layer of an EXR picture as planar lanes, with the picture's size; the main picture
+/// has no name.
+#[allow(dead_code, reason = "no test needs all of it")]
+pub(crate) fn read_layer(path: &Path, layer: &str) -> ([u32; 2], Vec<f32>) {
+    let layer = (!layer.is_empty()).then_some(layer);
+    let picture = Picture::open(path, layer).expect("a picture");
+    (picture.size, picture.read().expect("its pixels"))
 }
 
 /// The Cornell box of this repository.

@@ -79,7 +79,7 @@ type Pixels = ([u32; 2], Vec<[f32; 3]>);
 /// PNG, JPEG, TGA or BMP: 8 or 16 bits, sRGB. Alpha is left out.
 fn read_srgb(path: &Path, bytes: &[u8], most_bytes: u64) -> Result<Pixels, Error> {
     let malformed = |error: image::ImageError| match error {
-        image::ImageError::IoError(error) => Error::io("read", path, error),
+        image::ImageError::IoError(error) => Error::io(path, error),
         image::ImageError::Unsupported(_) => {
             Error::image(path, format!("{error}; PNG, JPEG, TGA, BMP and EXR are supported"))
         }
@@ -90,8 +90,7 @@ fn read_srgb(path: &Path, bytes: &[u8], most_bytes: u64) -> Result<Pixels, Error
     if let Ok(format) = image::ImageFormat::from_path(path) {
         reader.set_format(format);
     }
-    let mut reader =
-        reader.with_guessed_format().map_err(|error| Error::io("read", path, error))?;
+    let mut reader = reader.with_guessed_format().map_err(|error| Error::io(path, error))?;
     let mut limits = Limits::default();
     limits.max_alloc = Some(most_bytes);
     reader.limits(limits);

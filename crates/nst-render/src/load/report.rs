@@ -29,7 +29,7 @@ impl Report {
     /// # Errors
     /// [`Error::Io`] when the file cannot be read.
     pub(super) fn read(&mut self, path: &Path) -> Result<Vec<u8>, Error> {
-        let bytes = std::fs::read(path).map_err(|error| Error::io("read", path, error))?;
+        let bytes = std::fs::read(path).map_err(|error| Error::io(path, error))?;
         if !self.inputs.iter().any(|input| input == path) {
             self.inputs.push(path.to_owned());
         }

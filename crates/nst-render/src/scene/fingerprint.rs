@@ -39,7 +39,7 @@ impl Scene {
         fields.numbers("camera.up", self.camera.up.to_array());
         fields.numbers("camera.vertical_fov", [self.camera.vertical_fov]);
         fields.integers("max_depth", [self.max_depth]);
-        fields.text("pixel_filter", self.pixel_filter.name());
+        fields.text("pixel_filter", &self.pixel_filter.to_string());
         format!("{}:{VERSION}:{}", self.name, fields.finish())
     }
 }

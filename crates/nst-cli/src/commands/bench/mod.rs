@@ -1,19 +1,19 @@
 //! `nst bench`: measurements, in CSV files.
 
 mod inference;
-mod random;
 mod scene;
 mod stability;
 
 use crate::{
     args::{Bench, BenchArgs},
     error::Error,
+    report::Done,
 };
 
-pub(crate) fn run(args: &BenchArgs) -> Result<(), Error> {
+pub(super) fn run(args: &BenchArgs) -> Result<Done, Error> {
     match &args.bench {
-        Bench::Inference(args) => inference::run(args),
-        Bench::Scene(args) => scene::run(args),
-        Bench::Stability(args) => stability::run(args),
+        Bench::Inference(args) => inference::run(args).map(Done::whole),
+        Bench::Scene(args) => scene::run(args).map(Done::whole),
+        Bench::Stability(args) => stability::run(args).map(Done::whole),
     }
 }

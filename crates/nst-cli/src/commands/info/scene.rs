@@ -41,9 +41,11 @@ impl SceneInfo {
         let scene = Scene::load(path)?;
         let emits = |material: u32| scene.materials[material as usize].emits();
         let fingerprint = scene.fingerprint();
+        let networks = Network::builtins_trained_on(&fingerprint)?;
+        let networks = networks.into_iter().map(|(name, _)| name).collect();
         let (low, high) = scene.bounds();
         Ok(Self {
-            networks: Network::trained_on_scene(&fingerprint)?,
+            networks,
             fingerprint,
             triangles: scene.triangles.len(),
             lights: scene.triangles.iter().filter(|triangle| emits(triangle.material)).count(),
@@ -67,7 +69,10 @@ impl fmt::Display for SceneInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let point = |[x, y, z]: [f32; 3]| format!("[{x}, {y}, {z}]");
         let Self { triangles, lights, materials, width, height, camera, .. } = self;
-        writeln!(f, "scene, {triangles} triangles, {lights} of them lights, {materials} materials")?;
+        writeln!(
+            f,
+            "scene, {triangles} triangles, {lights} of them lights, {materials} materials"
+        )?;
         writeln!(f, "fingerprint {}", self.fingerprint)?;
         let none = "none of the built-in ones was trained on it";
         writeln!(f, "networks    {}", list(&self.networks, none))?;

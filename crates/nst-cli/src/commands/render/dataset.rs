@@ -40,13 +40,9 @@ pub(super) fn run(args: &RenderArgs, runs: u32) -> Result<Done, Error> {
     interrupt::watch()?;
     describe(&scene, args.spp, &args.common)?;
     let done = write(args, runs, &scene, &settings, output)?;
-    let report = Report {
-        runs: done,
-        files: vec![path.display().to_string()],
-        notes: scene.notes.clone(),
-    };
-    let early =
-        (done < runs).then(|| format!("{done} of {runs} runs are in '{}'", path.display()));
+    let report =
+        Report { runs: done, files: vec![path.display().to_string()], notes: scene.notes.clone() };
+    let early = (done < runs).then(|| format!("{done} of {runs} runs are in '{}'", path.display()));
     Ok(Done { report: Box::new(report), early })
 }
 

@@ -77,8 +77,10 @@ fn describe(scene: &Scene, spp: u32, common: &CommonArgs) -> Result<(), Error> {
         lines += &format!("           note: {note}\n");
     }
     let [width, height] = scene.size;
-    lines +=
-        &format!("film       {width}x{height}, {spp} spp, paths of up to {} vertices", scene.max_depth);
+    lines += &format!(
+        "film       {width}x{height}, {spp} spp, paths of up to {} vertices",
+        scene.max_depth
+    );
     say(&lines, common)
 }
 

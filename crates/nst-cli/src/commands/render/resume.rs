@@ -109,7 +109,8 @@ impl Resumed {
         ];
         for (option, said, stored) in given {
             if let Some(said) = said.filter(|said| *said != stored) {
-                let why = format!("{option} says {said}, the file says {stored}; leave {option} out");
+                let why =
+                    format!("{option} says {said}, the file says {stored}; leave {option} out");
                 return Err(self.refuse(&why));
             }
         }

@@ -4,20 +4,20 @@
 mod network;
 mod peak;
 
-use std::time::Instant;
+use std::{fmt, time::Instant};
 
 use ndarray::Array2;
 use nst_core::{
     Estimates, Instructions, MlpCpu, Network, SequenceBatch, Status, Transform,
     gpu::{AdapterKind, Gpu, GpuOptions, Kernel, MlpGpu, Precision},
 };
-use nst_render::output::OutputFile;
+use nst_files::output::{Kind, Name, OutputFile, Outputs};
 use serde::Serialize;
 
 use crate::{
     args::{BenchInferenceArgs, InferenceBackend},
-    commands::set_threads,
     error::Error,
+    report::{complain, say},
 };
 use network::{random_network, random_window, worst_error};
 use peak::Product;
@@ -64,9 +64,17 @@ struct Backend {
     seconds: Vec<f64>,
 }
 
-pub(super) fn run(args: &BenchInferenceArgs) -> Result<(), Error> {
-    set_threads(&args.common)?;
-    let mut output = args.output.as_deref().map(OutputFile::create).transpose()?;
+/// All that was measured.
+#[derive(Serialize)]
+pub(super) struct Report {
+    rows: Vec<Row>,
+    output: Option<String>,
+}
+
+pub(super) fn run(args: &BenchInferenceArgs) -> Result<Report, Error> {
+    let mut outputs = Outputs::of_inputs(&args.weights);
+    let output = args.output.as_deref().map(|path| outputs.open(path, Kind::Csv, Name::Given));
+    let output = output.transpose()?;
     let networks = match &args.weights {
         Some(path) => vec![
             Network::read(path).map_err(|source| Error::Weights { path: path.clone(), source })?,
@@ -80,41 +88,56 @@ pub(super) fn run(args: &BenchInferenceArgs) -> Result<(), Error> {
         InferenceBackend::Cpu => None,
         InferenceBackend::Gpu => Some(open(AdapterKind::Any).map_err(Error::Gpu)?),
         InferenceBackend::All => open(AdapterKind::Any)
-            .inspect_err(|error| eprintln!("warning: {error}; measuring the CPU alone"))
+            .inspect_err(|error| {
+                complain(&format!("warning: {error}; measuring the CPU alone"));
+            })
             .ok(),
     };
     let mut rows = Vec::new();
     for network in &networks {
         for lanes in args.lanes() {
             for row in measure(network, lanes, args, gpu.as_ref())? {
-                if !args.common.quiet {
-                    println!(
-                        "{:5} {:40} {:>2}x{:<4} {:>8} lanes {:>10.3} ms {:>8.2} GFLOP/s {:>6.2} of gemm",
-                        row.backend,
-                        row.adapter,
-                        row.layers,
-                        row.hidden,
-                        row.lanes,
-                        row.milliseconds,
-                        row.gflops,
-                        row.share_of_peak
-                    );
-                }
+                say(&row.to_string(), &args.common)?;
                 rows.push(row);
             }
         }
     }
-    if let Some(mut output) = output.take() {
-        let path = output.path().to_owned();
-        let mut writer = csv::Writer::from_writer(output.file());
-        rows.iter()
-            .try_for_each(|row| writer.serialize(row))
-            .and_then(|()| Ok(writer.flush()?))
-            .map_err(|source| Error::Csv { path, source })?;
-        drop(writer);
-        output.commit()?;
+    let written = output.as_ref().map(|output| output.path().display().to_string());
+    output.map(|output| write_csv(output, &rows)).transpose()?;
+    Ok(Report { rows, output: written })
+}
+
+fn write_csv(mut output: OutputFile, rows: &[Row]) -> Result<(), Error> {
+    let path = output.path().to_owned();
+    let mut writer = csv::Writer::from_writer(output.file());
+    rows.iter()
+        .try_for_each(|row| writer.serialize(row))
+        .and_then(|()| Ok(writer.flush()?))
+        .map_err(|source| Error::Csv { path, source })?;
+    drop(writer);
+    Ok(output.commit()?)
+}
+
+impl fmt::Display for Row {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { backend, adapter, layers, hidden, lanes, milliseconds, gflops, .. } = self;
+        write!(
+            f,
+            "{backend:5} {adapter:40} {layers:>2}x{hidden:<4} {lanes:>8} lanes \
+             {milliseconds:>10.3} ms {gflops:>8.2} GFLOP/s {:>6.2} of gemm",
+            self.share_of_peak
+        )
     }
-    Ok(())
+}
+
+/// The rows have been said as they came.
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.output {
+            Some(path) => write!(f, "wrote {path}"),
+            None => write!(f, "--output writes a CSV file"),
+        }
+    }
 }
 
 fn backends(
@@ -179,7 +202,7 @@ fn measure(
     let mut estimates = Estimates::default();
     let mut backends = backends(network, args, gpu)?;
     for backend in &backends {
-        backend.transform.apply(&batch, &mut estimates)?;
+        backend.transform.transform(&batch, &mut estimates)?;
         check(network, &window, &estimates, backend)?;
     }
     let mut product = Product::new(lanes);
@@ -190,7 +213,7 @@ fn measure(
             Ok(())
         })?);
         for backend in &mut backends {
-            let seconds = turn(|| backend.transform.apply(&batch, &mut estimates));
+            let seconds = turn(|| backend.transform.transform(&batch, &mut estimates));
             backend.seconds.extend(seconds?);
         }
     }
@@ -256,7 +279,7 @@ fn check(
     if error <= backend.tolerance && skipped == 0 {
         return Ok(());
     }
-    Err(Error::Files(format!(
+    Err(Error::Unlike(format!(
         "{} ({}) is wrong on {}: relative error {error:e}, {skipped} lanes not evaluated",
         backend.name,
         backend.adapter,

@@ -3,14 +3,14 @@
 use ndarray::{Array1, Array2, ArrayView1};
 use nst_core::{Layer, Metadata, Network};
 
-use crate::commands::bench::random::Rng;
+use nst_core::random::SplitMix64;
 
 /// Terms that the networks read.
 const WINDOW: usize = 8;
 
 /// Random weights of a usual size (He et al. 2015): `layers` hidden layers of `hidden` neurons.
 pub(super) fn random_network(layers: usize, hidden: usize) -> Network {
-    let mut rng = Rng::new(hidden as u64, layers as u64);
+    let mut rng = SplitMix64::of_stream(hidden as u64, layers as u64);
     let mut symmetric = move || 2.0 * rng.uniform() as f32 - 1.0;
     let widths = [&[WINDOW][..], &vec![hidden; layers], &[1]].concat();
     let layers = widths
@@ -39,7 +39,7 @@ pub(super) fn random_network(layers: usize, hidden: usize) -> Network {
 
 /// Random windows `[term][lane]` on [0, 1).
 pub(super) fn random_window(terms: usize, lanes: usize) -> Array2<f32> {
-    let mut rng = Rng::new(1, lanes as u64);
+    let mut rng = SplitMix64::of_stream(1, lanes as u64);
     Array2::from_shape_simple_fn((terms, lanes), || rng.uniform() as f32)
 }
 
@@ -76,7 +76,7 @@ mod tests {
         let window = random_window(WINDOW, 3);
         let batch = SequenceBatch::new(window.clone(), (1..=8).collect()).expect("a batch");
         let mut estimates = Estimates::default();
-        MlpCpu::new(network.clone()).apply(&batch, &mut estimates).expect("the CPU works");
+        MlpCpu::new(network.clone()).transform(&batch, &mut estimates).expect("the CPU works");
         let value = estimates.values()[1];
         assert!(worst_error(&network, window.column(1), value) < 1e-6);
         assert!(worst_error(&network, window.column(2), value) > 1e-4);

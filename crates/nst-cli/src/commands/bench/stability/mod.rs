@@ -5,24 +5,20 @@ mod markdown;
 mod regimes;
 mod simulate;
 
-use std::{io::Write, time::Instant};
+use std::{fmt, io::Write, time::Instant};
 
-use nst_core::{
-    Estimates, SequenceBatch, Status,
-    methods::{FOLDS, METHODS, extrapolation},
-};
-use nst_render::output::OutputFile;
+use nst_core::{Estimates, SequenceBatch, Status, methods::METHODS, random::SplitMix64};
+use nst_files::output::{Kind, Name, OutputFile, Outputs, commit};
 use serde::{Serialize, Serializer};
 
 use crate::{
     args::{BackendArg, BenchStabilityArgs, TransformArg},
-    commands::set_threads,
     error::Error,
     method::{Method, Origin},
 };
 
 use regimes::{REGIMES, Regime, window};
-use simulate::{Case, Rng, simulate};
+use simulate::{Case, simulate};
 
 /// A method on the sequences of a regime with n samples. T and S are compared on
 /// the lanes whose S is finite.
@@ -90,15 +86,22 @@ impl Effort {
     }
 }
 
-pub(super) fn run(args: &BenchStabilityArgs) -> Result<(), Error> {
-    set_threads(&args.common)?;
-    if args.markdown.as_ref() == Some(&args.output) {
-        let path = args.output.display();
-        return Err(Error::Usage(format!("--output and --markdown both name '{path}'")));
-    }
+/// What was measured, in short.
+#[derive(Serialize)]
+pub(super) struct Report {
+    rows: usize,
+    nonfinite: usize,
+    seconds: f64,
+    files: Vec<String>,
+}
+
+pub(super) fn run(args: &BenchStabilityArgs) -> Result<Report, Error> {
     let start = Instant::now();
-    let mut csv = OutputFile::create(&args.output)?;
-    let mut markdown = args.markdown.as_deref().map(OutputFile::create).transpose()?;
+    let mut outputs = Outputs::default();
+    let mut csv = outputs.open(&args.output, Kind::Csv, Name::Given)?;
+    let markdown = args.markdown.as_deref();
+    let markdown = markdown.map(|path| outputs.open(path, Kind::Markdown, Name::Given));
+    let mut markdown = markdown.transpose()?;
 
     let rows = rows(&Effort::new(args.short))?;
     write_csv(&mut csv, &rows)
@@ -108,18 +111,23 @@ pub(super) fn run(args: &BenchStabilityArgs) -> Result<(), Error> {
         let path = file.path().to_owned();
         write.map_err(|error| Error::Csv { path, source: error.into() })?;
     }
-    for output in [csv].into_iter().chain(markdown) {
-        output.commit()?;
+    let files = [&csv].into_iter().chain(&markdown).map(|f| f.path().display().to_string());
+    let report = Report {
+        rows: rows.len(),
+        nonfinite: rows.iter().map(|row| row.nonfinite).sum(),
+        seconds: start.elapsed().as_secs_f64(),
+        files: files.collect(),
+    };
+    commit([csv].into_iter().chain(markdown))?;
+    Ok(report)
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { rows, nonfinite, seconds, .. } = self;
+        writeln!(f, "{rows} rows, {nonfinite} results not finite, {seconds:.1} s")?;
+        write!(f, "wrote {}", self.files.join(", "))
     }
-    if !args.common.quiet {
-        let nonfinite: usize = rows.iter().map(|row| row.nonfinite).sum();
-        println!(
-            "{} rows, {nonfinite} results not finite, {:.1} s",
-            rows.len(),
-            start.elapsed().as_secs_f64()
-        );
-    }
-    Ok(())
 }
 
 fn write_csv(output: &mut OutputFile, rows: &[Row]) -> Result<(), csv::Error> {
@@ -168,7 +176,7 @@ fn measure(
     nanoseconds: f64,
 ) -> Result<Row, Error> {
     let mut estimates = Estimates::default();
-    method.transform.apply(&case.batch, &mut estimates)?;
+    method.transform.transform(&case.batch, &mut estimates)?;
     let (mut t, mut s) = (Errors::default(), Errors::default());
     let mut nonfinite = 0;
     let pairs = estimates.values().iter().zip(case.batch.last());
@@ -193,7 +201,8 @@ fn measure(
         bias2_ratio: ratio(t.sum * t.sum / t.count, s.squares),
         constant_share: estimates.count(Status::Constant) as f64 / lanes,
         nanoseconds_per_lane: nanoseconds,
-        lane_terms_per_second: terms_read(method) as f64 / (1e-9 * nanoseconds),
+        lane_terms_per_second: method.transform.requires().numbers_per_lane() as f64
+            / (1e-9 * nanoseconds),
     })
 }
 
@@ -220,21 +229,11 @@ fn ratio(a: f64, b: f64) -> f64 {
     if a == b { 1.0 } else { a / b }
 }
 
-/// Numbers that a method reads per lane.
-fn terms_read(method: &Method) -> usize {
-    match extrapolation(&method.name) {
-        Some(method) => method.terms(),
-        None if ["none", "prior-mean"].contains(&method.name.as_str()) => 1,
-        None if METHODS.contains(&method.name.as_str()) => 1 + FOLDS,
-        None => method.transform.window(),
-    }
-}
-
 /// Lanes like those of a rendering: noisy, all different.
 fn cost_sample(lanes: usize) -> Case {
     simulate(&window(64), lanes, 0, |lane, _| {
         let height = 1.0 + lane as f64 / lanes as f64;
-        (0.5 * height, move |_: u32, rng: &mut Rng| height * rng.uniform())
+        (0.5 * height, move |_: u32, rng: &mut SplitMix64| height * rng.uniform())
     })
 }
 
@@ -245,7 +244,7 @@ fn nanoseconds_per_lane(method: &Method, batch: &SequenceBatch) -> Result<f64, E
     let mut least = f64::INFINITY;
     for repeat in 0..=REPEATS {
         let start = Instant::now();
-        method.transform.apply(batch, &mut estimates)?;
+        method.transform.transform(batch, &mut estimates)?;
         if repeat > 0 {
             least = least.min(start.elapsed().as_secs_f64());
         }
@@ -255,6 +254,8 @@ fn nanoseconds_per_lane(method: &Method, batch: &SequenceBatch) -> Result<f64, E
 
 #[cfg(test)]
 mod tests {
+    use nst_core::{Fitted, Requirements, Strips, Transform as _};
+
     use super::*;
 
     fn short() -> Vec<Row> {
@@ -321,14 +322,20 @@ mod tests {
     struct Bad;
 
     impl nst_core::Transform for Bad {
-        fn window(&self) -> usize {
-            1
+        fn requires(&self) -> Requirements {
+            Requirements::of_lane(1)
         }
 
+        fn fit(&self, _: &mut dyn Strips) -> Result<Box<dyn Fitted + '_>, nst_core::Error> {
+            Ok(Box::new(self))
+        }
+    }
+
+    impl Fitted for Bad {
         fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), nst_core::Error> {
             let value = |(_, lane)| [2.0, 5.0, f32::NAN][if lane < 2 { lane + 1 } else { 0 }];
             let terms = ndarray::Array2::from_shape_fn((1, batch.lanes()), value);
-            nst_core::Identity.apply(&SequenceBatch::new(terms, vec![1])?, out)
+            nst_core::Identity.transform(&SequenceBatch::new(terms, vec![1])?, out)
         }
     }
 
@@ -336,7 +343,7 @@ mod tests {
     fn the_measures_see_errors_bias_and_outliers() -> Result<(), Error> {
         let method = Method { transform: Box::new(Bad), ..named("none")? };
         // I = 0, S = 1.
-        let case = simulate(&[4], 100, 0, |_, _| (0.0, |_: u32, _: &mut Rng| 1.0));
+        let case = simulate(&[4], 100, 0, |_, _| (0.0, |_: u32, _: &mut SplitMix64| 1.0));
         let row = measure(&method, &REGIMES[0], 4, &case, 1.0)?;
         assert_eq!((row.nonfinite, row.worst_ratio), (1, 25.0));
         assert!(row.mse_ratio.is_nan(), "a NaN must not pass unseen");
@@ -350,10 +357,11 @@ mod tests {
     }
 
     #[test]
-    fn terms_that_methods_read() -> Result<(), Error> {
+    fn numbers_that_methods_read() -> Result<(), Error> {
         let read = [("none", 1), ("prior-mean", 1), ("levin-u", 8), ("aitken", 3), ("ridge", 5)];
-        for (name, terms) in read {
-            assert_eq!(terms_read(&named(name)?), terms, "{name}");
+        for (name, numbers) in read {
+            let requirements = named(name)?.transform.requires();
+            assert_eq!(requirements.numbers_per_lane(), numbers, "{name}");
         }
         Ok(())
     }

@@ -2,9 +2,11 @@
 
 use std::f64::consts::{E, LN_2, PI};
 
+use nst_core::{Side, random::SplitMix64};
+
 use super::{
     integrands::{COUNT, Family, Integrand},
-    simulate::{Case, Rng, series, simulate},
+    simulate::{Case, series, simulate},
 };
 
 /// A kind of sequences.
@@ -92,7 +94,7 @@ pub(super) const REGIMES: &[Regime] = &[
               a fold holds a 1 or none, they are worse than S.",
         make: |n, runs| {
             simulate(&window(n), COUNT * runs, 2, |_, _| {
-                (1e-3, |_: u32, rng: &mut Rng| f64::from(u8::from(rng.uniform() < 1e-3)))
+                (1e-3, |_: u32, rng: &mut SplitMix64| f64::from(u8::from(rng.uniform() < 1e-3)))
             })
         },
         far: false,
@@ -105,7 +107,7 @@ pub(super) const REGIMES: &[Regime] = &[
               more samples do not remove quickly.",
         make: |n, runs| {
             simulate(&window(n), COUNT * runs, 3, |_, _| {
-                (3.0, |_: u32, rng: &mut Rng| (1.0 - rng.uniform()).powf(-1.0 / 1.5))
+                (3.0, |_: u32, rng: &mut SplitMix64| (1.0 - rng.uniform()).powf(-1.0 / 1.5))
             })
         },
         far: false,
@@ -141,7 +143,7 @@ pub(super) const REGIMES: &[Regime] = &[
         make: |n, runs| {
             simulate(&window(n), COUNT * runs, 4, |lane, _| {
                 let value = 0.5 + (lane % 16) as f64 / 16.0;
-                (value, move |_: u32, _: &mut Rng| value)
+                (value, move |_: u32, _: &mut SplitMix64| value)
             })
         },
         far: false,
@@ -151,7 +153,7 @@ pub(super) const REGIMES: &[Regime] = &[
         what: "All samples are 0.",
         why: "Nothing fails: there is nothing to divide, and no lane is touched.",
         make: |n, runs| {
-            simulate(&window(n), COUNT * runs, 5, |_, _| (0.0, |_: u32, _: &mut Rng| 0.0))
+            simulate(&window(n), COUNT * runs, 5, |_, _| (0.0, |_: u32, _: &mut SplitMix64| 0.0))
         },
         far: false,
     },
@@ -191,7 +193,7 @@ pub(super) const REGIMES: &[Regime] = &[
             simulate(&window(n), COUNT * runs, 6, |lane, rng| {
                 let integrand = Family::Gaussian.integrand(lane % COUNT);
                 let mut x = rng.uniform();
-                let sample = move |_: u32, rng: &mut Rng| {
+                let sample = move |_: u32, rng: &mut SplitMix64| {
                     if rng.uniform() > 0.9 {
                         x = rng.uniform();
                     }
@@ -216,7 +218,7 @@ pub(super) const REGIMES: &[Regime] = &[
         name: "halton-random",
         what: "The same, with a random digital shift for each run.",
         why: "As before, for every shift.",
-        make: |n, runs| halton(n, runs, |rng| rng.bits() as u32),
+        make: |n, runs| halton(n, runs, |rng| rng.next_u64() as u32),
         far: false,
     },
     Regime {
@@ -288,14 +290,16 @@ fn inverse_factorial(i: u32) -> f64 {
 fn family(family: Family, counts: &[u32], runs: usize, map: fn(f64) -> f64) -> Case {
     simulate(counts, COUNT * runs, 1, |lane, _| {
         let integrand = family.integrand(lane % COUNT);
-        (map(integrand.integral()), move |_: u32, rng: &mut Rng| map(integrand.at(rng.uniform())))
+        (map(integrand.integral()), move |_: u32, rng: &mut SplitMix64| {
+            map(integrand.at(rng.uniform()))
+        })
     })
 }
 
 fn firefly(n: u32, runs: usize, at: u32) -> Case {
     simulate(&window(n), COUNT * runs, 1, |lane, _| {
         let integrand = Family::Gaussian.integrand(lane % COUNT);
-        let sample = move |i: u32, rng: &mut Rng| {
+        let sample = move |i: u32, rng: &mut SplitMix64| {
             let y = integrand.at(rng.uniform());
             if i == at { 1000.0 } else { y }
         };
@@ -304,11 +308,11 @@ fn firefly(n: u32, runs: usize, at: u32) -> Case {
 }
 
 /// `shift` makes the bits that each lane's points are shifted by.
-fn halton(n: u32, runs: usize, shift: fn(&mut Rng) -> u32) -> Case {
+fn halton(n: u32, runs: usize, shift: fn(&mut SplitMix64) -> u32) -> Case {
     simulate(&window(n), COUNT * runs, 7, |lane, rng| {
         let integrand: Integrand = Family::Gaussian.integrand(lane % COUNT);
         let shift = shift(rng);
-        let sample = move |i: u32, _: &mut Rng| {
+        let sample = move |i: u32, _: &mut SplitMix64| {
             integrand.at(f64::from(i.reverse_bits() ^ shift) / 4_294_967_296.0)
         };
         (integrand.integral(), sample)
@@ -330,7 +334,7 @@ fn nonfinite(n: u32, runs: usize) -> Case {
     }
     let mut batch = nst_core::SequenceBatch::new(terms, window(n)).expect("as before");
     for (fold, values) in folds.into_iter().enumerate() {
-        batch.set_side(&format!("fold{fold}"), values).expect("as before");
+        batch.set_side(Side::Fold(fold as u8), values).expect("as before");
     }
     case.batch = batch;
     case

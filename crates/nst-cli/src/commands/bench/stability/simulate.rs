@@ -1,10 +1,8 @@
 //! Running means of simulated samples.
 
 use ndarray::Array2;
-use nst_core::{SequenceBatch, methods::FOLDS};
+use nst_core::{FOLDS, SequenceBatch, Side, fold_count, random::SplitMix64};
 use rayon::prelude::*;
-
-pub(super) use super::super::random::Rng;
 
 /// Sequences whose limits are known.
 pub(super) struct Case {
@@ -18,17 +16,17 @@ pub(super) struct Case {
 ///
 /// `lane` returns the limit of a lane and its samples, as a function of their index
 /// and of the lane's own random numbers. Sums are in f64, as in a rendering.
-pub(super) fn simulate<F: FnMut(u32, &mut Rng) -> f64>(
+pub(super) fn simulate<F: FnMut(u32, &mut SplitMix64) -> f64>(
     counts: &[u32],
     lanes: usize,
     seed: u64,
-    lane: impl Fn(usize, &mut Rng) -> (f64, F) + Sync,
+    lane: impl Fn(usize, &mut SplitMix64) -> (f64, F) + Sync,
 ) -> Case {
     let last = counts[counts.len() - 1];
     let recorded: Vec<_> = (0..lanes)
         .into_par_iter()
         .map(|index| {
-            let mut rng = Rng::new(seed, index as u64);
+            let mut rng = SplitMix64::of_stream(seed, index as u64);
             let (limit, mut sample) = lane(index, &mut rng);
             let (mut sum, mut folds) = (0.0, [0.0; FOLDS]);
             let mut terms = Vec::with_capacity(counts.len());
@@ -41,7 +39,7 @@ pub(super) fn simulate<F: FnMut(u32, &mut Rng) -> f64>(
                 }
             }
             for (fold, sum) in folds.iter_mut().enumerate() {
-                *sum /= (last as usize - fold).div_ceil(FOLDS) as f64;
+                *sum /= fold_count(fold, last);
             }
             (limit, terms, folds)
         })
@@ -50,7 +48,7 @@ pub(super) fn simulate<F: FnMut(u32, &mut Rng) -> f64>(
     let mut batch = batch(terms, counts);
     for fold in 0..FOLDS {
         let means = recorded.iter().map(|(_, _, folds)| folds[fold] as f32).collect();
-        batch.set_side(&format!("fold{fold}"), means).expect("a mean per lane");
+        batch.set_side(Side::Fold(fold as u8), means).expect("a mean per lane");
     }
     Case { batch, limits: recorded.iter().map(|&(limit, ..)| limit).collect() }
 }
@@ -83,7 +81,7 @@ mod tests {
         assert_eq!(case.batch.terms(), ndarray::array![[0.5, 1.5], [2.5, 3.5]]);
         // Samples 0 and 4; 1 and 5; 2; 3.
         for (fold, mean) in [2.0, 3.0, 2.0, 3.0].into_iter().enumerate() {
-            let side = case.batch.side(&format!("fold{fold}"));
+            let side = case.batch.side(&Side::Fold(fold as u8));
             assert_eq!(side, Some(&[mean, mean + 1.0][..]));
         }
         let (case, sums) = series(&[1, 3], 2.0, f64::from);
