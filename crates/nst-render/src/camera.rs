@@ -13,7 +13,7 @@ pub struct Camera {
     pub target: Vec3A,
     /// A direction that points up in the picture.
     pub up: Vec3A,
-    /// The angle between the upper and the lower edge, in degrees.
+    /// The angle between the upper and the lower edge of the picture, in degrees.
     pub vertical_fov: f32,
 }
 

@@ -1,4 +1,4 @@
-//! Light from outside the scene, importance-sampled where it is an image.
+//! Light from outside the scene. If it is an image, its bright parts are sampled more.
 
 use std::f32::consts::PI;
 
@@ -6,8 +6,8 @@ use glam::{Vec2, Vec3A};
 
 use crate::{Environment, Texture, color::luminance};
 
-/// An image environment with its sampling tables. A uniform environment has
-/// none: sampling the BSDF matches it exactly.
+/// The sampling tables of an image. A uniform environment needs none: sampling the BSDF
+/// finds it as often as it should.
 pub(crate) struct EnvironmentSampler {
     rows: Table,
     /// By row: the columns.
@@ -78,7 +78,7 @@ impl EnvironmentSampler {
     }
 }
 
-/// Where the image shows what lies in a direction: u = 0 is −z and u = 1/4 is
+/// The place in the image that shows what is seen in a direction: u = 0 is −z, u = 1/4 is
 /// +x, v = 1 is +y. Mitsuba's `envmap` has the same orientation.
 fn uv(direction: Vec3A) -> Vec2 {
     let turn = direction.x.atan2(-direction.z) / (2.0 * PI);
@@ -181,7 +181,7 @@ mod tests {
         let error = (squares / n - (sum / n).powi(2)).sqrt() / n.sqrt();
         assert!((sum / n - exact).abs() < 4.0 * error, "{} ± {error}, not {exact}", sum / n);
         let mean = f64::from(sampler.mean_luminance()) * 4.0 * std::f64::consts::PI;
-        // Luminance of the red-heavy sky is close to, but not, its red channel.
+        // The luminance of this sky is near its red channel, but not the same.
         assert!((mean / exact - 1.0).abs() < 0.2, "{mean} {exact}");
     }
 

@@ -1,5 +1,5 @@
-//! What next-event estimation aims at: emitting triangles, chosen in proportion
-//! to their power, and the environment where it is an image.
+//! Light sampling: emitting triangles, chosen in proportion to their power, and the
+//! environment if it is an image.
 
 mod choice;
 
@@ -20,8 +20,8 @@ use choice::Choice;
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct LightSamples {
-    /// From the points to the lights and no farther: to a point that is off its
-    /// light's surface, so that the light does not hide it.
+    /// From the points to the lights. They end a little before the light's surface, so
+    /// that the light does not hide itself.
     pub(crate) rays: Rays,
     /// The rays' directions, with length 1.
     pub(crate) wi: Vec3s,
@@ -36,7 +36,7 @@ impl LightSamples {
         Self { rays: Rays::NONE, wi: Vec3s::ZERO, radiance: Vec3s::ZERO, pdf: [0.0; PACKET] };
 }
 
-/// An emitting triangle, with what a sample of it needs side by side.
+/// An emitting triangle: what samples of it need, side by side in memory.
 struct Emitter {
     /// Index into [`Scene::triangles`].
     triangle: u32,
@@ -44,9 +44,9 @@ struct Emitter {
     edges: [Vec3; 2],
     /// Unit geometric normal.
     normal: Vec3,
-    /// The density, with respect to area, of each of its points among samples.
+    /// The density of its points among all samples, with respect to area.
     pdf_area: f32,
-    /// Without its texture.
+    /// Emitted radiance, not yet multiplied by the texture.
     radiance: Vec3,
     textured: bool,
 }
@@ -92,8 +92,9 @@ pub(crate) struct Lights {
     scale: f32,
 }
 
-/// The environment's share of the samples where there are other lights too: neither may
-/// starve, as powers say nothing of what a point can see.
+/// The least and the greatest share of the environment in the samples, where there are
+/// other lights too: powers say nothing about what a point can see, so that neither may be
+/// left with almost no samples.
 const ENVIRONMENT_SHARE: std::ops::RangeInclusive<f32> = 0.1..=0.9;
 
 impl Lights {
@@ -119,8 +120,8 @@ impl Lights {
         self.emitters.iter().map(|emitter| (emitter.triangle, emitter.pdf_area))
     }
 
-    /// Chooses a light for each point with `pick`, numbers of [`crate::sampler::FINE_BITS`] bits, and a
-    /// point of it with `u`.
+    /// Chooses a light for each point with `pick`, random integers of
+    /// [`crate::sampler::FINE_BITS`] bits, and a point of it with `u`.
     #[inline(always)]
     pub(crate) fn sample(
         &self,
@@ -157,11 +158,11 @@ impl Lights {
         u: &[[f32; PACKET]; 2],
         samples: &mut LightSamples,
     ) {
-        // What is looked up one by one, for the loop without branches below.
+        // What has to be looked up one by one, before the loop without branches below.
         let mut chosen = ChosenEmitters::ZERO;
         for i in 0..PACKET {
             let emitter = &self.emitters[self.choice.emitter(pick[i])];
-            // Uniform on the triangle: fold the square's upper half onto the lower.
+            // Uniform on the triangle: the square's upper half is folded onto the lower.
             let u = Vec2::new(u[0][i], u[1][i]);
             let barycentric = if u.x + u.y > 1.0 { 1.0 - u } else { u };
             let [e1, e2] = emitter.edges;
@@ -192,7 +193,8 @@ impl Lights {
         }
     }
 
-    /// The density, with respect to solid angle, of a direction to the environment.
+    /// The density, with respect to solid angle, with which [`Self::sample`] finds a
+    /// direction to the environment.
     pub(crate) fn pdf_escape(&self, direction: Vec3A) -> f32 {
         self.environment.as_ref().map_or(0.0, |e| e.pdf(direction) * self.environment_share)
     }
@@ -241,4 +243,86 @@ fn environment_share(scene: &Scene, environment: &EnvironmentSampler, total: f64
     let power = PI * (high - low).length_squared() / 4.0 * 4.0 * PI * radiance;
     let others = 2.0 * PI * total as f32;
     (power / (power + others)).clamp(*ENVIRONMENT_SHARE.start(), *ENVIRONMENT_SHARE.end())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{path::Path, sync::Arc};
+
+    use super::*;
+    use crate::{Environment, Sampler, SamplerKind, Texture, sampler::Streams};
+
+    /// The lamp of the Cornell box, many times and up to a million times smaller in area;
+    /// every other one shines a thousand times brighter.
+    fn many_lamps(environment: Environment) -> Scene {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/cornell/cornell.obj");
+        let mut scene = Scene::load(Path::new(path)).expect("the scene is part of the repository");
+        let lamp = scene
+            .triangles
+            .iter()
+            .copied()
+            .find(|triangle| scene.materials[triangle.material as usize].emits())
+            .expect("a lamp");
+        let dim = &scene.materials[lamp.material as usize];
+        let bright = Material { emission: dim.emission * 1000.0, ..dim.clone() };
+        scene.materials.push(bright);
+        let bright = scene.materials.len() as u32 - 1;
+        let smaller = |i: u32| {
+            let scale = 10.0_f32.powf(-0.003 * (i * 709 % 1000) as f32);
+            let positions = lamp.positions.map(|corner| corner * scale);
+            let material = if i.is_multiple_of(2) { lamp.material } else { bright };
+            Triangle { positions, material, ..lamp }
+        };
+        scene.triangles = (0..50_000).map(smaller).collect();
+        Scene { environment, ..scene }
+    }
+
+    /// The densities of emitters' points integrate to the probability of all emitters, and
+    /// what a sample says of its density is what its triangle's density says. Tolerances:
+    /// rounding in f32.
+    #[test]
+    fn samples_have_the_densities_of_their_triangles() {
+        let sky = Texture::new([2, 1], vec![[1.0; 3], [2.0; 3]]).expect("two texels");
+        let sky = Environment { radiance: Vec3A::ONE, image: Some(Arc::new(sky)) };
+        for (environment, has_sky) in [(Environment::default(), false), (sky, true)] {
+            let scene = many_lamps(environment);
+            let lights = Lights::new(&scene);
+            let densities: Vec<_> = lights.densities().collect();
+            assert_eq!(densities.len(), scene.triangles.len());
+            let sum: f64 = densities
+                .iter()
+                .map(|&(i, pdf)| f64::from(pdf) * area(&scene.triangles[i as usize]))
+                .sum();
+            let expected = 1.0 - f64::from(lights.environment_share);
+            assert!((sum - expected).abs() < 1e-6, "{sum}, not {expected}");
+            assert_eq!(expected < 1.0, has_sky);
+
+            let mut streams = Streams::ZERO;
+            let sampler = Sampler::new(SamplerKind::Random, 1);
+            let from = Vec3s::ZERO;
+            for packet in 0..100 {
+                for i in 0..PACKET {
+                    streams.set(i, &sampler.stream(packet, i as u32));
+                }
+                let pick = streams.draw_fine(SamplerKind::Random, 0);
+                let u = streams.draw_2d(SamplerKind::Random, 1);
+                let mut samples = LightSamples::NONE;
+                lights.sample(&scene, &from, &pick, &u, &mut samples);
+                for i in (0..PACKET).filter(|&i| !lights.choice.is_environment(pick[i])) {
+                    let chosen = lights.choice.emitter(pick[i]);
+                    let normal = scene.triangles[chosen].area_vector().normalize();
+                    let cosine = samples.wi.get(i).dot(normal.into());
+                    // Up to the offset from the surface.
+                    let distance = samples.rays.direction.get(i).length();
+                    let agrees = |(_, pdf_area): (u32, f32)| {
+                        let expected = pdf_solid_angle(pdf_area, distance, cosine);
+                        (samples.pdf[i] / expected - 1.0).abs() < 1e-2
+                    };
+                    assert_eq!(densities[chosen].0 as usize, chosen);
+                    assert!(agrees(densities[chosen]), "{chosen}: {}", samples.pdf[i]);
+                    assert!(!agrees(densities[chosen ^ 1]), "{chosen}: a lamp of the other kind");
+                }
+            }
+        }
+    }
 }

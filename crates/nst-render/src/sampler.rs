@@ -64,7 +64,8 @@ impl Sampler {
     /// The numbers of one sample of one pixel, from dimension 0 on.
     #[must_use]
     pub fn stream(&self, pixel: u32, index: u32) -> SampleStream {
-        // Halton's points belong together by pixel; random ones stand alone.
+        // The samples of a pixel are points of one Halton sequence; random ones are
+        // independent.
         let key = match self.kind {
             SamplerKind::Random => mix(self.seed ^ (u64::from(pixel) << 32 | u64::from(index))),
             SamplerKind::Halton => mix(self.seed ^ u64::from(pixel) << 32),

@@ -1,8 +1,9 @@
-//! The picture in tiles: what threads work on, and how its numbers lie meanwhile.
+//! The picture in tiles: what threads work on, and the order of its numbers meanwhile.
 
 use rayon::prelude::*;
 
-/// Pixels along the side of a tile, the unit of work.
+/// Pixels along the side of a tile, the unit of work: enough for full packets, and so few
+/// that all threads have work until shortly before the end.
 const TILE: u32 = 16;
 
 /// A rectangle of pixels.
@@ -60,7 +61,7 @@ pub(crate) fn split<'a, T>(
     parts
 }
 
-/// Turns images whose rows follow each other into images whose tiles do, in place.
+/// Turns images that are stored row by row into images that are stored tile by tile.
 pub(crate) fn to_tiles<T: Copy + Send>(images: &mut [T], size: [u32; 2]) {
     reorder(images, size, |tiled, row| (tiled, row));
 }
@@ -70,8 +71,9 @@ pub(crate) fn to_rows<T: Copy + Send>(images: &mut [T], size: [u32; 2]) {
     reorder(images, size, |tiled, row| (row, tiled));
 }
 
-/// Moves each row of each tile; `places` maps where it is in the order of tiles and
-/// in that of rows to (to, from). A row of tiles is a row of tiles in either order.
+/// Moves each row of each tile. `places` gets where the row is in the order of tiles and
+/// in the order of rows, and returns (to, from). In both orders, a row of tiles has the
+/// same part of the image, so that each can be reordered by itself.
 fn reorder<T: Copy + Send>(
     images: &mut [T],
     [width, height]: [u32; 2],
@@ -104,7 +106,7 @@ mod tests {
     fn pixels_are_where_their_tile_says() {
         for size in [[1, 1], [16, 16], [40, 21], [7, 33]] {
             let pixels = size[0] as usize * size[1] as usize;
-            // Two images of their own pixels' numbers.
+            // Two images whose values are the numbers of their pixels.
             let rows: Vec<usize> = (0..pixels).chain(0..pixels).collect();
             let mut images = rows.clone();
             to_tiles(&mut images, size);

@@ -1,5 +1,5 @@
-//! Ray queries against the triangles of a scene: through a tree, or without one
-//! where there are few.
+//! What rays hit first, and whether they hit anything, among the triangles of a scene:
+//! by a tree, or by a list if there are few.
 
 mod list;
 mod rays;
@@ -90,7 +90,8 @@ pub(crate) fn offset(point: Vec3, normal: Vec3, scale: f32) -> Vec3 {
     point + normal * (8.0 * f32::EPSILON * largest)
 }
 
-/// Unlike `f32::max`, one instruction.
+/// The larger number. Unlike `f32::max`, it is one instruction; if `a` is NaN, it is `b`,
+/// and if `b` is NaN, it is `b` as well.
 #[inline(always)]
 pub(crate) fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }

@@ -259,7 +259,8 @@ pub(crate) struct Stacks([Vec<Group>; PACKET]);
 impl Visit {
     const ROOT: Self = Self { node: 0, group: Group { first_child: 0, inner: 0, children: 0 } };
 
-    /// Goes on to the next node; false if there is none.
+    /// Goes on to the next node; false if there is none. `boxes`: the slots of `node` whose
+    /// boxes the ray meets.
     #[inline(always)]
     fn advance(&mut self, node: &Node, boxes: u32, octant: usize, stack: &mut Vec<Group>) -> bool {
         let inner = u32::from(node.inner);
@@ -304,21 +305,21 @@ static ORDER: [[u8; 256]; 8] = {
     order
 };
 
-/// A ray, and what the test of a node needs of it.
+/// A ray, and what tests of nodes need of it.
 #[derive(Clone, Copy)]
 struct Slabs {
     origin: Vec3,
     direction: Vec3,
     inverse: Vec3,
-    /// By axis: which of two planes is the farther one along the ray.
+    /// By axis: 1 if the ray leaves a box at its upper plane, 0 if at its lower one.
     far: [usize; 3],
     /// Bit 2 is set if x decreases along the ray, bit 1 if y does, bit 0 if z does.
     octant: usize,
 }
 
-/// Smaller components of directions are taken for this, with their sign: the inverse
-/// stays finite, so that times 0 it is no NaN, and unit directions change by less than
-/// f32 can tell.
+/// A component of a direction that is smaller is replaced by this, with its sign. Its
+/// inverse is then finite, and so 0 times the inverse is no NaN; a unit direction changes
+/// by far less than f32 resolves.
 const LEAST: f32 = 1e-18;
 
 /// The far distances are raised by this, for their rounding (Ize 2013: Robust BVH Ray
@@ -338,7 +339,7 @@ impl Slabs {
     fn new(rays: &Rays, i: usize) -> Self {
         let direction = rays.direction.get(i);
         let divisor = |x: f32| if x.abs() < LEAST { LEAST.copysign(x) } else { x };
-        // By the sign bit, as in the inverse: −0 goes backward.
+        // By the sign bit, like the inverse: −0 counts as backward.
         let forward = |x: f32| usize::from(x.is_sign_positive());
         let far = [forward(direction.x), forward(direction.y), forward(direction.z)];
         Self {

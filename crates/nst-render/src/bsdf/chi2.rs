@@ -13,15 +13,15 @@ const SIGNIFICANCE: f64 = 0.01;
 const INNERMOST: f64 = 1e-4;
 const RINGS: usize = 30;
 const SECTORS: usize = 16;
-/// What integrals of this file may be off, relatively.
+/// The largest relative error of this file's integrals.
 pub(super) const QUADRATURE_ERROR: f64 = 1e-3;
 /// Midpoints per cell, in angle from the normal and around it.
 const POINTS: (usize, usize) = (8, 4);
 
 /// Spherical coordinates of directions about the normal, or of the half vectors
-/// between them and `wo`; the cells are the finer the nearer they are to the
-/// normal. A narrow microfacet lobe has about the same shape in half vectors
-/// towards any `wo`, and a wide one is as smooth there as anywhere.
+/// between them and `wo`; cells are smaller near the normal. In half vectors, a narrow
+/// microfacet lobe has about the same shape for any `wo`, and a wide one is as smooth as
+/// in directions.
 pub(super) struct Lens {
     wo: Option<Vec3A>,
 }
@@ -105,8 +105,8 @@ impl Lens {
     }
 }
 
-/// The probability, if `samples` have the density `pdf` with respect to solid
-/// angle, of a worse fit; `None` among them is the rest to 1.
+/// The probability that samples with the density `pdf`, with respect to solid angle, fit
+/// worse than these do. `None` among them has the probability that `pdf` lacks to 1.
 fn p_value(lens: &Lens, pdf: impl Fn(Vec3A) -> f32, samples: &[Option<Vec3A>]) -> f64 {
     let mut expected = lens.integrals(pdf);
     let mut observed = vec![0.0; expected.len() + 1];

@@ -21,13 +21,13 @@ impl Dielectric {
     ///
     /// What is sampled is radiance, which is denser by η² where the index is
     /// higher by η: a refraction's weight is the square of the index on the side
-    /// of `wo` over that on the side of `wi`, so that it is not bounded by 1.
+    /// of `wo` divided by that on the side of `wi`, which may exceed 1.
     #[inline]
     pub(super) fn sample(&self, wo: Vec3A, u: f32) -> Option<BsdfSample> {
         if wo.z == 0.0 {
             return None;
         }
-        // Of the side that `wi` is on, relative to the side of `wo`.
+        // The index on the side of a refracted `wi`, relative to that on the side of `wo`.
         let eta = if wo.z > 0.0 { self.eta } else { 1.0 / self.eta };
         let (reflectance, cos_t) = fresnel(wo.z.abs(), eta);
         let (wi, weight) = if u < reflectance {

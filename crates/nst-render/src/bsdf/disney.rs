@@ -1,7 +1,7 @@
 //! Disney's principled BRDF (Burley: Physically Based Shading at Disney, 2012),
-//! reflection only, alike on both sides, in the form that Mitsuba 3's
-//! `principled` gives it. With θd the angle between a direction and the half
-//! vector h, w(θ) = (1 − cos θ)⁵, c the base colour, t the same of luminance 1:
+//! reflection only, the same on both sides, in the form that it has in Mitsuba 3's
+//! `principled`. With θd the angle between a direction and the half
+//! vector h, w(θ) = (1 − cos θ)⁵, c the base colour, t the same scaled to luminance 1:
 //!
 //! - diffuse (1 − metallic) c/π (f_diffuse + f_retro), where
 //!   f_diffuse = (1 − w(θi)/2)(1 − w(θo)/2), r = 2 · roughness · cos² θd,
@@ -12,7 +12,7 @@
 //!   untinted part of the dielectric) and Schlick's approximation (for the tinted
 //!   part, from t · F0, and the metal, from c);
 //! - clearcoat / 4 · Schlick(0.04) · GTR1 · G1 G1 with α = 1/4 in G1: *not* divided
-//!   by 4 cos θo cos θi, which makes it weak and harmless.
+//!   by 4 cos θo cos θi, which makes it weak.
 //!
 //! Where that reflects more light than arrives, the sum is scaled: see
 //! [`super::energy`]. Unlike Mitsuba's, a metal does not turn black where
@@ -101,7 +101,7 @@ pub(super) enum Lobe {
 }
 
 impl PreparedDisney {
-    /// `colors`: colours whose convex hull holds every base colour there will be.
+    /// `colors`: colours whose convex hull contains every base colour that `at` will get.
     pub(super) fn new(parameters: &Disney, colors: impl Iterator<Item = Vec3A>) -> Self {
         let mut prepared = Self::unscaled(parameters);
         // Reflection grows with c and with t, channel by channel, and both have
@@ -191,7 +191,7 @@ impl DisneyBsdf<'_> {
         let normal = self.specular_albedo;
         let specular = normal + (p.grazing - normal) * schlick_weight(wo.z.abs());
         let specular = specular.max(MIN_SPECULAR * p.grazing);
-        // With the clearcoat's form, its albedo is some 4 · clearcoat/4 · F0.
+        // Without the division by 4 cos θo cos θi, its albedo is about clearcoat · F0.
         let clearcoat = 4.0 * p.clearcoat * CLEARCOAT_F0;
         let sum = diffuse + specular + clearcoat;
         let scale = if sum > 0.0 { 1.0 / sum } else { 0.0 };

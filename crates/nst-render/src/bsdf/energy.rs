@@ -1,9 +1,9 @@
 //! Keeps a BRDF from reflecting more light than arrives.
 //!
 //! The directional albedo E(θo) = ∫ f cos θi dωi of Disney's BRDF can exceed 1:
-//! nothing ties its lobes together. Then f s(θo) s(θi) with s(θ) = min(1, 1/E(θ))
-//! takes its place. It is as reciprocal as f is, and, as s ≤ 1, it reflects
-//! s(θo) ∫ f s(θi) cos θi dωi ≤ s(θo) E(θo) ≤ 1.
+//! its lobes are added whatever the others reflect. Then f s(θo) s(θi) with
+//! s(θ) = min(1, 1/E(θ)) takes its place. It is reciprocal if f is, and, as s ≤ 1, it
+//! reflects s(θo) ∫ f s(θi) cos θi dωi ≤ s(θo) E(θo) ≤ 1.
 
 use std::f32::consts::FRAC_PI_4;
 

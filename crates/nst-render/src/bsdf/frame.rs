@@ -11,7 +11,7 @@ pub(crate) struct Frame {
 }
 
 impl Frame {
-    /// A frame about a unit normal; where x and y point is of no account.
+    /// A frame about a unit normal; x and y are any directions perpendicular to it.
     #[inline]
     pub(crate) fn new(normal: Vec3A) -> Self {
         let (tangent, bitangent) = normal.any_orthonormal_pair();
@@ -19,11 +19,11 @@ impl Frame {
     }
 
     /// A right-handed frame about a unit normal, with x along the part of
-    /// `tangent` that is perpendicular to it; any x if there is none to speak of.
+    /// `tangent` that is perpendicular to it; with any x if that part is only rounding.
     #[inline]
     pub(crate) fn with_tangent(normal: Vec3A, tangent: Vec3A) -> Self {
         let across = tangent - normal * normal.dot(tangent);
-        // What rounding alone leaves of a tangent along the normal is some 1e-7 of it.
+        // Of a tangent along the normal, rounding leaves about 1e-7 of its length.
         if across.length_squared() > 1e-10 * tangent.length_squared() {
             // Perpendicular to the normal even where `across` is mostly rounding.
             let bitangent = normal.cross(across).normalize();

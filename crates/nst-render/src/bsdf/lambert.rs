@@ -1,4 +1,4 @@
-//! The same radiance in all directions.
+//! Lambert's law: the same radiance is reflected in all directions.
 
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_2};
 
@@ -26,8 +26,8 @@ pub(super) fn cosine_hemisphere(u2: Vec2) -> Vec3 {
     Vec3::new(radius * cos_phi, radius * sin_phi, (1.0 - u2.y).sqrt())
 }
 
-/// Sine and cosine of 2πx for x in [0, 1], within 3e-7: without a branch, for
-/// many lanes at once.
+/// Sine and cosine of 2πx for x in [0, 1], with an error below 3e-7: without a branch, so
+/// that loops over packets become vector instructions.
 #[inline(always)]
 fn sin_cos_turns(x: f32) -> (f32, f32) {
     let quarters = (4.0 * x + 0.5) as i32;

@@ -1,7 +1,7 @@
 //! Distributions of microfacet normals: GGX and GTR1.
 //!
-//! Both are symmetric under a change of sign of the normal `h`, so that callers
-//! need not mind which side of the surface they are on.
+//! Both give the same for `h` and −`h`, so that callers may be on either side of the
+//! surface.
 //!
 //! - Walter, Marschner, Li, Torrance: Microfacet Models for Refraction through
 //!   Rough Surfaces, 2007 (GGX, Smith's masking).

@@ -5,9 +5,10 @@
 //! to the camera; `wi` is where it comes from, and what paths sample.
 //!
 //! The frame must not depend on `wo`: z is the *outward* side of the surface, the
-//! side that its geometric normal points to, and `wo.z < 0` means a look from
-//! behind. A frame that is turned to face `wo` makes no difference to Lambert and
-//! Disney, which are alike on both sides, but a dielectric would never be left.
+//! side that its geometric normal points to, and `wo.z < 0` means that the surface is
+//! seen from behind. A frame that is turned to face `wo` makes no difference to Lambert
+//! and Disney, which are the same on both sides, but with it no path could leave a
+//! dielectric.
 //! Light passes through a surface if and only if `wo.z · wi.z < 0`; where normals
 //! are interpolated, the caller compares that with the geometric normal.
 
@@ -56,7 +57,7 @@ pub(crate) enum Bsdf<'a> {
 }
 
 impl Prepared {
-    /// For Disney, this tabulates how much light is reflected: milliseconds.
+    /// For Disney, this tabulates how much light is reflected, which takes milliseconds.
     pub(crate) fn new(material: &Material) -> Self {
         match material.scattering {
             Scattering::Lambert => Self::Lambert,
@@ -79,7 +80,7 @@ impl Prepared {
     }
 }
 
-/// Colours whose convex hull holds every colour of the material.
+/// Colours whose convex hull contains every colour of the material.
 fn colors(material: &Material) -> impl Iterator<Item = Vec3A> {
     let texels = material.color_texture.as_ref().map_or(&[[1.0; 3]][..], |t| t.texels());
     texels.iter().map(|&texel| material.color * Vec3A::from(texel))
@@ -100,7 +101,7 @@ impl Bsdf<'_> {
         self.eval_pdf(wo, wi).1
     }
 
-    /// [`Self::eval`] and [`Self::pdf`], for little more than the price of one.
+    /// `eval` and `pdf`, in little more time than one of them takes.
     #[inline]
     pub(crate) fn eval_pdf(&self, wo: Vec3A, wi: Vec3A) -> (Vec3A, f32) {
         match self {
@@ -128,7 +129,7 @@ impl Bsdf<'_> {
         }
     }
 
-    /// Whether every sample is a delta sample, so that light sampling is in vain.
+    /// Whether every sample is a delta sample, so that light sampling finds nothing.
     #[inline]
     pub(crate) fn is_delta(&self) -> bool {
         matches!(self, Self::Dielectric(_))

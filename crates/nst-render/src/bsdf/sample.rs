@@ -8,7 +8,7 @@ pub(crate) struct BsdfSample {
     pub(crate) wi: Vec3A,
     /// f · |cos θi| / pdf.
     pub(crate) weight: Vec3A,
-    /// Density of `wi` with respect to solid angle; 0, and of no use, if `delta`.
+    /// Density of `wi` with respect to solid angle; 0 if `delta`, as there is none.
     pub(crate) pdf: f32,
     /// Whether `wi` is one of a few possible directions, which no other technique finds.
     pub(crate) delta: bool,
@@ -16,7 +16,7 @@ pub(crate) struct BsdfSample {
 
 /// Mirrors directions in the surface.
 pub(super) trait Side {
-    /// The direction, mirrored if need be to be on the side of `wo`.
+    /// The direction, mirrored if it is not on the side of `wo`.
     fn with_z_towards(self, wo: Vec3A) -> Self;
 }
 

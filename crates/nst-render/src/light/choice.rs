@@ -1,27 +1,30 @@
 //! Chooses between the environment and many emitters with given probabilities.
 //!
-//! A choice needs more digits than an f32 has: among a million lights, the steps of a
-//! number with 24 bits are as large as the probability of a light. So numbers of
-//! [`FINE_BITS`] bits choose, and an emitter's probability is the number of those that
-//! choose it, divided by how many there are: exactly, as these are integers.
+//! A random f32 has too few digits to choose among a million lights: it is a multiple of
+//! 2⁻²⁴, and the probability of a light may be less. So integers of [`FINE_BITS`] bits
+//! choose. Each light has an interval of them, and its probability is the length of the
+//! interval divided by the number of all integers. The same numbers thus choose a light
+//! and tell its probability, without rounding.
 
 use crate::sampler::FINE_BITS;
 
-/// How many numbers there are.
+/// How many integers there are.
 const ALL: u64 = 1 << FINE_BITS;
 
 /// The environment and the emitters, with their probabilities.
 pub(super) struct Choice {
-    /// The numbers below this choose the environment.
+    /// The integers below this choose the environment.
     environment: u64,
-    /// By emitter: the first number that chooses a later one.
+    /// By emitter: where its interval ends. It begins where that of the emitter before it
+    /// ends.
     ends: Vec<u64>,
 }
 
 impl Choice {
-    /// `environment` is its probability: at most 0.9, or, without an emitter, 0 or 1. The
-    /// emitters share the rest in proportion to `powers`, which are above 0; but each gets
-    /// one number at least, so that every light can be found. There are at most 2³².
+    /// `environment` is the probability of the environment: at most 0.9 if there are
+    /// emitters, else 0 or 1. The emitters, at most 2³², share the rest in proportion to
+    /// their `powers`, which are above 0. Each gets one integer more than its share,
+    /// before rounding, so that every light can be found.
     pub(super) fn new(
         environment: f32,
         powers: impl ExactSizeIterator<Item = f64> + Clone,
@@ -31,24 +34,24 @@ impl Choice {
         let total: f64 = powers.clone().sum();
         let shared = (ALL - environment - count) as f64;
         let mut sum = 0.0;
-        let ends = (1..).zip(powers).map(|(numbers, power): (u64, f64)| {
+        let ends = (1..).zip(powers).map(|(extra, power): (u64, f64)| {
             sum += power;
-            environment + numbers + (sum / total * shared).round() as u64
+            environment + extra + (sum / total * shared).round() as u64
         });
         Self { environment, ends: ends.collect() }
     }
 
-    /// Whether a number below 2^[`FINE_BITS`] chooses the environment.
+    /// Whether an integer of [`FINE_BITS`] bits chooses the environment.
     #[inline(always)]
-    pub(super) fn is_environment(&self, number: u64) -> bool {
-        number < self.environment
+    pub(super) fn is_environment(&self, pick: u64) -> bool {
+        pick < self.environment
     }
 
-    /// The emitter that a number below 2^[`FINE_BITS`] chooses; any emitter if it chooses the
-    /// environment. There must be one.
+    /// The emitter that an integer of [`FINE_BITS`] bits chooses; any emitter if it chooses
+    /// the environment. There must be emitters.
     #[inline(always)]
-    pub(super) fn emitter(&self, number: u64) -> usize {
-        self.ends.partition_point(|&end| end <= number)
+    pub(super) fn emitter(&self, pick: u64) -> usize {
+        self.ends.partition_point(|&end| end <= pick)
     }
 
     /// The probabilities of the emitters, which are exact.
@@ -72,7 +75,7 @@ mod tests {
         (0..1_000_000_u32).map(|i| 10.0_f64.powf(f64::from(i * 709 % 1000) * 0.024 - 12.0))
     }
 
-    /// The numbers that choose an emitter, found by bisection over all of them.
+    /// How many integers choose an emitter: both ends of its interval, by bisection.
     fn measure(choice: &Choice, emitter: usize) -> u64 {
         let first = |least: usize| {
             let (mut low, mut high) = (0, ALL);
@@ -98,8 +101,8 @@ mod tests {
                 assert_eq!(numbers as f64 / ALL as f64, probability);
                 assert!(numbers > 0);
                 sum += numbers;
-                // Off by the one number that each gets, by rounding at both ends, and by
-                // what all these take from the rest.
+                // Off by the one that each gets, by rounding at both ends, and by what all
+                // extra ones take from the shares, some 10⁶ / 2⁴⁸.
                 let expected = power / total * f64::from(1.0 - share) * ALL as f64;
                 let error = (numbers as f64 - expected).abs();
                 assert!(error < 2.1 + 1e-7 * expected, "{i}: {numbers}, not {expected}");

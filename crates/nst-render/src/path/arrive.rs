@@ -1,4 +1,4 @@
-//! The other half of a step: what paths have come to.
+//! What paths have come to: lights, and surfaces where they are to scatter.
 
 use glam::{Vec2, Vec3, Vec3A};
 
@@ -13,7 +13,8 @@ use crate::{
 };
 
 impl PathTracer<'_> {
-    /// The weighted light of what a path has come to: a light, the environment, or none.
+    /// What path `i` of the packet adds to its pixel where it has arrived: the radiance of
+    /// a light or of the environment, times weight and throughput; or zero.
     #[inline(always)]
     pub(super) fn emitted(&self, paths: &Paths, hits: &Hits, i: usize) -> Vec3A {
         let direction = Vec3A::from(paths.rays.direction.get(i));
@@ -36,7 +37,8 @@ impl PathTracer<'_> {
         Vec3A::from(paths.throughput.get(i)) * radiance * weight
     }
 
-    /// Puts a path that has hit a surface into the queue for its material.
+    /// Puts path `from` of the packet, which has hit a surface, into the queue for its kind
+    /// of material.
     #[inline(always)]
     pub(super) fn arrive(
         &self,
@@ -50,8 +52,8 @@ impl PathTracer<'_> {
         let barycentric = Vec2::new(hits.u[from], hits.v[from]);
         let direction = paths.rays.direction.get(from);
         let (points, i) = queues[usize::from(!facet.lambert)].push();
-        // The position comes from the corners, not along the ray: its error is
-        // then that of the surface's coordinates, however far the ray has come.
+        // The position is interpolated from the corners, not found along the ray: so its
+        // error does not grow with the distance that the ray has come.
         points.position.set(i, interpolate(facet.corners, barycentric));
         points.normal.set(i, facet.normal);
         let shading = if facet.smooth {
@@ -73,13 +75,14 @@ impl PathTracer<'_> {
         points.triangle[i] = index;
     }
 
+    /// The interpolated normal, on the side of the geometric one.
     fn smooth_normal(&self, triangle: u32, barycentric: Vec2, direction: Vec3) -> Vec3 {
         let normal = self.facets[triangle as usize].normal;
         let Some(normals) = self.scene.triangles[triangle as usize].normals else { return normal };
         let smooth = Vec3::from(interpolate(normals, barycentric)).normalize_or(normal);
         let smooth = if smooth.dot(normal) < 0.0 { -smooth } else { smooth };
-        // At a silhouette, a smooth normal may face away from who looks at the
-        // surface; the geometric one never does.
+        // At a silhouette, a smooth normal may face away from where the path came from,
+        // and the geometric one not.
         if smooth.dot(direction) * normal.dot(direction) > 0.0 { smooth } else { normal }
     }
 }

@@ -28,10 +28,11 @@ pub(crate) use tracer::PathTracer;
 const ROULETTE_START: u32 = 5;
 /// The dimensions of a sample that belong to the camera.
 const CAMERA_DIMENSIONS: u32 = 2;
+
 impl PathTracer<'_> {
     /// For each path, an unbiased estimate of the radiance that arrives at `origin`
-    /// from its direction. The streams are those of one sampler, and have given
-    /// nothing but the camera's dimensions so far.
+    /// from its direction. The streams are those of one sampler, and nothing has been
+    /// drawn from them but the camera's dimensions.
     pub(crate) fn radiances<'w>(
         &self,
         workspace: &'w mut Workspace,
@@ -59,14 +60,14 @@ impl PathTracer<'_> {
     }
 }
 
-/// Memory that one batch of paths leaves to the next.
+/// Memory that is used for one batch of paths after the other.
 #[derive(Default)]
 pub(crate) struct Workspace {
     paths: Queue<Paths>,
     /// Points of Lambert's surfaces, and of all others.
     queues: [Queue<Points>; 2],
     stacks: Stacks,
-    /// By path.
+    /// Radiance by path, in the order of [`PathTracer::radiances`].
     radiance: Vec<Vec3A>,
 }
 

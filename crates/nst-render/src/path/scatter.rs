@@ -21,12 +21,12 @@ pub(super) struct Draws {
     on_light: [[f32; PACKET]; 2],
     lobe: [f32; PACKET],
     direction: [[f32; PACKET]; 2],
-    /// Where there is Russian roulette.
+    /// Only where there is Russian roulette.
     survival: Option<[f32; PACKET]>,
 }
 
 impl Draws {
-    /// How many dimensions there are.
+    /// How many dimensions of the sampler one vertex takes.
     pub(super) fn dimensions(roulette: bool) -> u32 {
         6 + u32::from(roulette)
     }
@@ -49,7 +49,7 @@ impl Draws {
     }
 }
 
-/// Light on its way along `lights.rays` to a vertex, and from there to the camera.
+/// Light that goes along `lights.rays` to a vertex, and from there to the camera.
 pub(super) struct Direct {
     pub(super) lights: LightSamples,
     pub(super) contribution: Vec3s,
@@ -69,7 +69,7 @@ impl PathTracer<'_> {
         self.lights.sample(self.scene, &origins, &draws.light, &draws.on_light, &mut lights);
         for i in 0..PACKET {
             let (normal, wo) = (points.normal.get(i), points.wo.get(i));
-            // Nothing but a delta distribution lets light through.
+            // Only delta distributions let light pass, and light samples never meet theirs.
             let same_side = lights.wi.get(i).dot(normal) * wo.dot(normal) > 0.0;
             let lit = same_side & (lights.pdf[i] > 0.0) & (points.path[i] != NONE);
             lights.rays.tmax[i] = if lit { lights.rays.tmax[i] } else { -1.0 };
@@ -77,7 +77,7 @@ impl PathTracer<'_> {
         Direct { lights, contribution: Vec3s::ZERO }
     }
 
-    /// Points of Lambert's surfaces.
+    /// Scatters at Lambert's surfaces, all points of the packet together.
     #[inline(always)]
     pub(super) fn reflect(
         &self,
@@ -116,7 +116,7 @@ impl PathTracer<'_> {
         }
     }
 
-    /// Points of any surfaces, one by one.
+    /// Scatters at any surfaces, one point after the other.
     #[inline(always)]
     pub(super) fn scatter(
         &self,
@@ -170,7 +170,8 @@ impl PathTracer<'_> {
         }
     }
 
-    /// Where a ray leaves the surface to the side of the normal that `side` tells.
+    /// The origin of a ray that leaves point `i`: a little off the surface, on the side
+    /// that the normal points to if `side` is positive, else on the other.
     #[inline(always)]
     fn origin(&self, points: &Points, i: usize, side: f32) -> Vec3 {
         let normal = points.normal.get(i) * 1.0_f32.copysign(side);
@@ -178,14 +179,15 @@ impl PathTracer<'_> {
     }
 }
 
-/// The most likely survival of Russian roulette: no path lives for ever, not even
+/// The highest probability to survive Russian roulette: below 1, so that paths end even
 /// between white walls.
 const MAX_SURVIVAL: f32 = 0.95;
-/// The least likely survival, 2⁻⁸. Random numbers are multiples of 2⁻²⁴, so that a path
-/// really lives with the next larger multiple of its probability: of 10⁻¹², 60,000 times
-/// as often as its weight makes up for. From 2⁻⁸ on, the excess is at most 2⁻¹⁶, which no
-/// pixel can show: with 2³² samples, the most there can be, noise is as large. A higher
-/// floor would do, too, but change more pictures.
+/// The lowest probability to survive Russian roulette, 2⁻⁸. Random numbers are multiples of
+/// 2⁻²⁴, which rounds a probability up to such a multiple: a path that should survive with
+/// 10⁻¹² survives with 2⁻²⁴, 60,000 times as often as its weight allows for, a bias. From
+/// 2⁻⁸ on, the relative excess is at most 2⁻¹⁶, which no pixel can show: even 2³² samples,
+/// the most that a pixel can have, leave noise of this size. A higher floor would be as
+/// good, but it would change the paths between both.
 const MIN_SURVIVAL: f32 = 1.0 / 256.0;
 
 /// The probability that a path goes on, in proportion to what it carries.
@@ -212,8 +214,8 @@ pub(super) fn survive(draws: &Draws, next: &mut Paths) {
 mod tests {
     use super::*;
 
-    /// The mean of what a path carries after Russian roulette, by what it carried before,
-    /// over all numbers that a sampler can draw.
+    /// What a path carries after Russian roulette, divided by what it carried before: the
+    /// mean over all numbers that a sampler can draw.
     fn mean_after_roulette(throughput: f32) -> f64 {
         const NUMBERS: usize = 1 << 24;
         let mut draws = Draws {

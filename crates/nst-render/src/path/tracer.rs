@@ -16,20 +16,21 @@ pub(crate) struct PathTracer<'a> {
     pub(super) facets: Vec<Facet>,
     /// By material.
     pub(super) scattering: Vec<Prepared>,
-    /// [`Scene::scale`], for [`offset`].
+    /// [`Scene::scale`], for [`crate::accelerator::offset`].
     pub(super) scale: f32,
     pub(super) strategy: Strategy,
     pub(super) instructions: Instructions,
 }
 
-/// What most hits need to know of a triangle.
+/// What most hits need of a triangle, in one cache line.
 #[repr(align(64))]
 pub(super) struct Facet {
     pub(super) corners: [Vec3; 3],
     /// Unit geometric normal.
     pub(super) normal: Vec3,
     pub(super) material: u32,
-    /// The density, with respect to area, of its points among light samples.
+    /// The density of its points among light samples, with respect to area; 0 if it is no
+    /// light.
     pub(super) pdf_area: f32,
     pub(super) emits: bool,
     /// Whether it scatters as Lambert's law says.
@@ -40,7 +41,7 @@ pub(super) struct Facet {
     pub(super) textured: bool,
 }
 
-/// Which samples count where lights and BSDF could both find the same light.
+/// Which samples count where light sampling and BSDF sampling can find the same light.
 /// All strategies have the same expectation; tests compare them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Strategy {
@@ -115,10 +116,11 @@ impl<'a> PathTracer<'a> {
     }
 }
 
-/// The weight of a sample with density `pdf` beside a technique with density `other`.
+/// The weight of a sample that was drawn with density `pdf`, where another technique
+/// draws it with density `other`: pdf² / (pdf² + other²).
 #[inline(always)]
 fn power_heuristic(pdf: f32, other: f32) -> f32 {
-    // Divided through by pdf², which may overflow when squared near a light.
+    // Both sides of the fraction are divided by pdf², which may overflow near a light.
     let ratio = other / pdf;
     1.0 / (1.0 + ratio * ratio)
 }

@@ -18,7 +18,7 @@ pub(super) struct Paths {
     /// a delta distribution.
     pub(super) pdf: [f32; PACKET],
     pub(super) streams: Streams,
-    /// Which path it is.
+    /// The number of the path in its batch.
     pub(super) path: [u32; PACKET],
 }
 
@@ -30,7 +30,7 @@ pub(super) struct Points {
     /// Unit geometric normal; light passes through the surface where the two
     /// directions are on different sides of it.
     pub(super) normal: Vec3s,
-    /// Unit shading normal, on the side of the geometric one.
+    /// Unit shading normal, on the same side of the surface as the geometric one.
     pub(super) shading: Vec3s,
     /// Where the path came from.
     pub(super) wo: Vec3s,
@@ -38,7 +38,7 @@ pub(super) struct Points {
     pub(super) color: Vec3s,
     pub(super) throughput: Vec3s,
     pub(super) streams: Streams,
-    /// Which path it is; [`NONE`] for members that are not used.
+    /// The number of the path in its batch; [`NONE`] for members that are not used.
     pub(super) path: [u32; PACKET],
     pub(super) triangle: [u32; PACKET],
 }

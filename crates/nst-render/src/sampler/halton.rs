@@ -16,8 +16,8 @@ pub(super) const PRIMES: [u32; 64] = [
 /// Digits are produced until a further one would be below 2⁻²⁴, the step of [`unit`].
 const RESOLUTION: f64 = 1.0 / 16_777_216.0;
 
-/// The digits of `index` in a prime `base`, mirrored at the point and scrambled.
-/// Over all keys the result is uniform on [0, 1); for one key, any `base`^k
+/// The digits of `index` in a prime `base`, mirrored at the radix point (the last digit
+/// becomes the first one behind it) and scrambled. Over all keys the result is uniform on [0, 1); for one key, any `base`^k
 /// consecutive indices fall into different intervals of length `base`^−k.
 pub(super) fn scrambled_radical_inverse(index: u32, base: u32, key: u64) -> f32 {
     let mut rest = index;
