@@ -1,12 +1,16 @@
 """Draws Aitken's method on step functions, figure 1 of the paper, from the stability suite's table.
 
-    "$(tools/python-env docs/requirements.txt)" docs/aitken.py docs/stability.csv docs/aitken.svg
+    "$(tools/python-env)" docs/aitken.py docs/stability.csv docs/aitken.svg            # draws it
+    "$(tools/python-env)" docs/aitken.py docs/stability.csv docs/aitken.svg --check    # compares
 
-The same table gives the same bytes.
+The same table gives the same bytes. With --check, exit code 1 if the chart is another one.
 """
 
+import argparse
 import csv
+import io
 import sys
+from pathlib import Path
 
 import matplotlib
 
@@ -19,8 +23,9 @@ import matplotlib.pyplot as plt  # noqa: E402
 CURVES = [("none", "$S_n$", "#0072b2", "o"), ("aitken", "$T_n$, Aitken's Δ²", "#d55e00", "s")]
 
 
-def main(table: str, chart: str) -> None:
-    with open(table, newline="", encoding="utf-8") as file:
+def draw(table: Path) -> bytes:
+    """The chart's SVG."""
+    with table.open(newline="", encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["regime"] == "step"]
     figure, axes = plt.subplots(figsize=(5.0, 3.4), layout="constrained")
     for method, label, color, marker in CURVES:
@@ -34,10 +39,23 @@ def main(table: str, chart: str) -> None:
     axes.set_title("Step functions, 9 integrands × 1000 runs", fontsize=10)
     axes.grid(which="major", color="#dddddd", linewidth=0.6)
     axes.legend(frameon=False)
-    figure.savefig(chart, metadata={"Date": None})
+    svg = io.BytesIO()
+    figure.savefig(svg, metadata={"Date": None})
+    return svg.getvalue()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("table", type=Path, help="docs/stability.csv")
+    parser.add_argument("chart", type=Path, help="docs/aitken.svg")
+    parser.add_argument("--check", action="store_true", help="compare instead of writing")
+    a = parser.parse_args()
+    svg = draw(a.table)
+    if not a.check:
+        a.chart.write_bytes(svg)
+    elif a.chart.read_bytes() != svg:
+        sys.exit(f"{a.chart}: not what {a.table} gives; run docs/aitken.py")
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 3:
-        sys.exit(__doc__)
-    main(*sys.argv[1:])
+    main()

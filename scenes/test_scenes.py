@@ -61,7 +61,9 @@ class Scenes(unittest.TestCase):
         """Not degenerate, with unit normals on the side of the winding."""
         for scene in (*(make() for make in COMMITTED), sphereflake(levels=1)):
             with self.subTest(scene.name):
-                for triangle in triangles(scene.obj.text("", "")):
+                surface = triangles(scene.obj.text("", ""))
+                self.assertGreater(len(surface), 0)
+                for triangle in surface:
                     area = area_vector(triangle)
                     sides = [length(sub(triangle[i][0], triangle[i - 1][0])) for i in range(3)]
                     # The height over the longest side: three units of the last written decimal.
@@ -75,6 +77,7 @@ class Scenes(unittest.TestCase):
             scene = make()
             used = {line for line in scene.obj.text("", "").splitlines() if line.startswith("usemtl ")}
             defined = {line for line in scene.mtl.splitlines() if line.startswith("newmtl ")}
+            self.assertGreater(len(used), 0, scene.name)
             self.assertEqual({line[3:] for line in used}, {line[3:] for line in defined}, scene.name)
 
     def test_check(self) -> None:

@@ -2,6 +2,8 @@
 weights/README.md.
 
     python -m nst_train.publish runs gaussian step plane-lambert …
+    python -m nst_train.publish            # copies none: only the table
+    python -m nst_train.publish --check    # compares the table instead; exit code 1 on a difference
 
 The table's numbers are those of docs/paper/NAME.csv, which `nst_train.figures --runs` copies.
 """
@@ -65,16 +67,22 @@ def table(folder: Path, paper: Path) -> str:
 def main(argv: list[str] | None = None) -> int:
     """`argv` is for tests; without it, the command line. Returns the exit code."""
     parser = argparse.ArgumentParser(prog="python -m nst_train.publish", description=__doc__)
-    parser.add_argument("runs", type=Path, help="folder of run folders")
+    parser.add_argument("runs", type=Path, nargs="?", help="folder of run folders")
     parser.add_argument("names", nargs="*", help="networks to copy; without any, only the table")
+    parser.add_argument("--check", action="store_true", help="copy and write nothing, compare the table")
     parser.add_argument("--weights", type=Path, default=WEIGHTS, help="[default: crates/nst-core/weights]")
     parser.add_argument("--page", type=Path, default=PAGE, help="[default: weights/README.md]")
     parser.add_argument("--paper", type=Path, default=PAPER, help="[default: docs/paper]")
     a = parser.parse_args(argv)
     try:
-        copy(a.runs, a.names, a.weights)
+        if not a.check:
+            copy(a.runs, a.names, a.weights)
         text = a.page.read_text(encoding="utf-8")
         made = replace_block(text, TABLE, table(a.weights, a.paper), a.page)
+        if a.check:
+            if made != text:
+                raise UserError(f"{a.page}: not what the networks and {a.paper} give; run nst_train.publish")
+            return 0
         a.page.write_text(made, encoding="utf-8")
     except (UserError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)

@@ -153,6 +153,16 @@ def test_publishing_copies_weights_and_says_how_they_score(runs_folder: Path, tm
     assert row in readme and readme.startswith("a\n") and readme.endswith("\nb\n")
     assert publish.main([str(runs_folder), "step", "gaussian", *options]) == 1  # has no weights
 
+    assert publish.main(["--check", *options]) == 0
+    for old, new in (("| 2.16 |", "| 2.17 |"), ("| small |", "| paper |")):
+        page.write_text(readme.replace(old, new))
+        assert publish.main(["--check", *options]) == 1
+        assert publish.main(options) == 0 and page.read_text() == readme
+
+
+def test_the_committed_table_of_networks_is_what_their_files_give() -> None:
+    assert publish.main(["--check"]) == 0
+
 
 def test_pictures_of_a_run(
     fake_nst: Path, settings: RendersData, tmp_path: Path, capsys: pytest.CaptureFixture[str]
