@@ -1,6 +1,5 @@
 //! `nst bench`: measurements, in CSV files.
 
-mod inference;
 mod random;
 mod scene;
 mod stability;
@@ -12,7 +11,6 @@ use crate::{
 
 pub(crate) fn run(args: &BenchArgs) -> Result<(), Error> {
     match &args.bench {
-        Bench::Inference(args) => inference::run(args),
         Bench::Scene(args) => scene::run(args),
         Bench::Stability(args) => stability::run(args),
     }
