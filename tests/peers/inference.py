@@ -1,4 +1,4 @@
-"""The same networks on the same inputs by `nst` and by what else evaluates them.
+"""The same networks by `nst` and by what else evaluates them, on random inputs.
 
     python tests/peers/inference.py -o docs/inference.csv
     python tests/peers/inference.py --burn tests/peers/burn/target/release/nst-peer-burn \\
@@ -8,8 +8,8 @@ On the CPU, `nst` is beside ONNX Runtime and PyTorch. With `--burn`, its kernels
 are beside the framework Burn on the same one. All take turns, so that what else the
 machine does hits all; `gemm`, which `nst` measures beside itself, is a layer of 256 neurons
 alone, and `copy` moves as many bytes as sequences and estimates have. All use as many
-threads. `nst` comes from $NST, or from target/release. Before anything is timed, every
-program's answers are compared with the network in f64.
+threads. `nst` is its program bench-inference, from $BENCH_INFERENCE or target/release. Before
+anything is timed, every program's answers are compared with the network in f64.
 """
 
 import argparse
@@ -72,7 +72,7 @@ def mix(z: np.ndarray) -> np.ndarray:
 
 
 def inputs(lanes: int) -> np.ndarray:
-    """[term][lane]: what `nst bench inference` makes for so many lanes."""
+    """[term][lane]: uniform numbers, the same as in `burn`; their values cost no time."""
     gamma = np.uint64(0x9E3779B97F4A7C15)
     with np.errstate(over="ignore"):
         start = mix(mix(np.array([1], np.uint64) + gamma) ^ np.uint64(lanes))
@@ -136,10 +136,10 @@ def write_weights(path: Path, layers: Layers) -> None:
 
 def nst(path: Path, lanes: int, threads: int, gpu: bool) -> tuple[dict[Name, float], float]:
     """Seconds of `nst` by backend and adapter, and the GFLOP/s of `gemm` beside it."""
-    program = os.environ.get("NST", REPOSITORY / "target/release/nst")
+    program = os.environ.get("BENCH_INFERENCE", REPOSITORY / "target/release/bench-inference")
     with tempfile.TemporaryDirectory() as folder:
         table = Path(folder, "rows.csv")
-        command = [program, "bench", "inference", "--weights", path, "--lanes", lanes]
+        command = [program, "--weights", path, "--lanes", lanes]
         command += ["--threads", threads, "--runs", 3, "--quiet", "-o", table]
         command += ["--backend", "gpu", "--variants"] if gpu else ["--backend", "cpu"]
         subprocess.run([str(part) for part in command], check=True)

@@ -11,6 +11,13 @@ use nst_core::{
 };
 use nst_render::{SampleStream, Sampler, SamplerKind};
 
+/// How far f32 may be from the oracle, as [`worst_error`] measures it: rounding of sums of up
+/// to 256 terms in up to five layers stays well below it.
+pub const TOLERANCE: f64 = 1e-5;
+
+/// The same, where weights are rounded to f16, to 11 bits.
+pub const TOLERANCE_F16: f64 = 5e-3;
+
 /// The adapter to test on, by the environment variable `NST_GPU`:
 /// `require` (fail without one), `off` (none), `auto` (the default: use one if
 /// there is one). Says on standard error what it found.

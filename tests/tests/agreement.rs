@@ -8,15 +8,12 @@ use nst_core::{
     Estimates, Instructions, Layer, MlpCpu, Network, SequenceBatch, Status, Transform,
     gpu::{AdapterKind, Gpu, GpuOptions, Kernel, LowerLimits, MlpGpu, Precision},
 };
-use nst_tests::{Expected, forward_f64, gpu, random_network, random_window, worst_error};
+use nst_tests::{
+    Expected, TOLERANCE, TOLERANCE_F16, forward_f64, gpu, random_network, random_window,
+    worst_error,
+};
 use proptest::{prelude::*, test_runner::RngSeed};
 use safetensors::SafeTensors;
-
-/// f32 rounding of sums of up to 256 terms in up to five layers stays well below it.
-const TOLERANCE: f64 = 1e-5;
-
-/// Where weights are rounded to f16, to 11 bits.
-const TOLERANCE_F16: f64 = 5e-3;
 
 /// A transformation of a network, and how far it may be from f64.
 struct Backend {
@@ -37,30 +34,43 @@ fn backends(network: &Arc<Network>) -> Vec<Backend> {
         let mlp = MlpCpu::with_instructions(Arc::clone(network), instructions);
         add(format!("CPU, {instructions}"), TOLERANCE, false, Box::new(mlp) as Box<dyn Transform>);
     }
-    if let Some(gpu) = gpu() {
-        let f16 = gpu.has_f16();
-        for kernel in [Kernel::Tiled, Kernel::Naive, Kernel::Cooperative] {
-            let cooperative = kernel == Kernel::Cooperative;
-            let deep = network.layers().len() > 1 && network.metadata().window <= 32;
-            if cooperative && !(deep && gpu.has_cooperative_matrices()) {
-                continue; // few adapters have them
-            }
-            for (precision, tolerance) in
-                [(Precision::F32, TOLERANCE), (Precision::F16, TOLERANCE_F16)]
-            {
-                let half = precision == Precision::F16;
-                if half && !f16 || !half && cooperative {
-                    continue;
+    let Some(gpu) = gpu() else { return backends };
+    for kernel in [Kernel::Tiled, Kernel::Naive, Kernel::Cooperative] {
+        for precision in [Precision::F32, Precision::F16] {
+            let options = GpuOptions { kernel, precision };
+            let mlp = MlpGpu::with_options(gpu.clone(), Arc::clone(network), options);
+            let half = precision == Precision::F16;
+            match refusal(&gpu, network, options) {
+                None => add(
+                    format!("GPU, {kernel}, {precision}"),
+                    if half { TOLERANCE_F16 } else { TOLERANCE },
+                    kernel == Kernel::Cooperative,
+                    Box::new(mlp.expect("the adapter runs this network")),
+                ),
+                Some(words) => {
+                    let error = mlp.expect_err(words).to_string();
+                    assert!(error.contains(words), "{kernel}, {precision}: {error}");
+                    eprintln!("skipped, as refused: {kernel}, {precision}: {error}");
                 }
-                let options = GpuOptions { kernel, precision };
-                let mlp = MlpGpu::with_options(gpu.clone(), Arc::clone(network), options)
-                    .expect("the adapter runs this network");
-                let name = format!("GPU, {kernel}, {precision}");
-                add(name, tolerance, cooperative, Box::new(mlp));
             }
         }
     }
     backends
+}
+
+/// What must be said of a kernel that cannot run: here, or ever.
+fn refusal(gpu: &Gpu, network: &Network, options: GpuOptions) -> Option<&'static str> {
+    let half = options.precision == Precision::F16;
+    let cooperative = options.kernel == Kernel::Cooperative;
+    let deep = network.layers().len() > 1 && network.metadata().window <= 32;
+    [
+        (cooperative && !half, "cooperative matrices are in f16 only"),
+        (half && !gpu.has_f16(), "it has no f16"),
+        (cooperative && !gpu.has_cooperative_matrices(), "it has no cooperative matrices"),
+        (cooperative && !deep, "the kernel takes hidden layers"),
+    ]
+    .into_iter()
+    .find_map(|(refused, words)| refused.then_some(words))
 }
 
 fn batch(window: &Array2<f32>) -> SequenceBatch {
@@ -303,6 +313,22 @@ fn slopes_of_the_leaky_relu() {
     }
 }
 
+/// A network that is too large for a device is refused, and the next one on the same device
+/// is not.
+#[test]
+fn a_refused_network_fails_alone() {
+    let Some(gpu) = gpu() else { return };
+    let network = Arc::new(random_network(&[8, 40], 61));
+    let window = random_window(8, 500, 62);
+    let expected = forward_f64(&network, window.view());
+    for _ in 0..2 {
+        let error = MlpGpu::new(gpu.clone(), random_network(&[8, 300], 63)).expect_err("too wide");
+        assert!(error.to_string().contains("widths of up to 256"), "{error}");
+        let mlp = MlpGpu::new(gpu.clone(), Arc::clone(&network)).expect("it fits");
+        assert!(worst_error(apply(&mlp, &batch(&window)).values(), &expected) <= TOLERANCE);
+    }
+}
+
 /// An adapter that is too small for a network says so; one that is merely small is used
 /// in more turns.
 #[test]
@@ -330,6 +356,11 @@ fn limits_of_the_adapter() {
         let error = MlpGpu::new(open(limits), Arc::clone(&network)).expect_err("it is too small");
         assert!(matches!(error, nst_core::Error::Gpu(_)), "{limits:?}: {error}");
     }
+    let gpu = open(LowerLimits { without_f16: true, ..Default::default() });
+    let options = GpuOptions { precision: Precision::F16, ..Default::default() };
+    let error = MlpGpu::with_options(gpu.clone(), Arc::clone(&network), options);
+    let error = error.expect_err("f16 is left out").to_string();
+    assert!(!gpu.has_f16() && error.contains("it has no f16"), "{error}");
     let wide = random_network(&[8, 300], 63);
     for kernel in [Kernel::Tiled, Kernel::Naive] {
         let options = GpuOptions { kernel, ..Default::default() };

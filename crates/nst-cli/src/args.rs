@@ -38,7 +38,6 @@ impl Command {
             Self::Merge(args) => &args.common,
             Self::Info(args) => &args.common,
             Self::Compare(args) => &args.common,
-            Self::Bench(BenchArgs { bench: Bench::Inference(args) }) => &args.common,
             Self::Bench(BenchArgs { bench: Bench::Scene(args) }) => &args.common,
             Self::Bench(BenchArgs { bench: Bench::Stability(args) }) => &args.common,
         }
@@ -211,7 +210,6 @@ pub(crate) struct BenchArgs {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Bench {
-    Inference(BenchInferenceArgs),
     Scene(BenchSceneArgs),
     Stability(BenchStabilityArgs),
 }
@@ -261,58 +259,6 @@ pub(crate) struct BenchStabilityArgs {
     pub(crate) short: bool,
     #[command(flatten)]
     pub(crate) common: CommonArgs,
-}
-
-/// Time the evaluation of networks, after comparing it with f64.
-#[derive(Debug, clap::Args)]
-pub(crate) struct BenchInferenceArgs {
-    /// Networks to time, as hidden layers × neurons.
-    #[arg(long, value_name = "LxN", value_delimiter = ',', default_value = "2x32,2x64,4x64,4x128,4x256", value_parser = shape)]
-    pub(crate) shapes: Vec<Shape>,
-    /// Time the network of this safetensors file instead.
-    #[arg(long, value_name = "FILE", conflicts_with = "shapes")]
-    pub(crate) weights: Option<PathBuf>,
-    /// Sequences per batch.
-    #[arg(long, value_name = "N", value_delimiter = ',', default_values_t = [1024, 16384, 262_144], value_parser = clap::value_parser!(u32).range(1..))]
-    lanes: Vec<u32>,
-    /// What to time.
-    #[arg(long, value_enum, default_value_t)]
-    pub(crate) backend: InferenceBackend,
-    /// Also time what would not be chosen: other instructions, other kernels, f16 weights.
-    #[arg(long)]
-    pub(crate) variants: bool,
-    /// Turns of each, of 20 ms or more; the median of all their calls counts.
-    #[arg(long, default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..))]
-    pub(crate) runs: u32,
-    /// CSV file to write.
-    #[arg(short, long, value_name = "CSV")]
-    pub(crate) output: Option<PathBuf>,
-    #[command(flatten)]
-    pub(crate) common: CommonArgs,
-}
-
-impl BenchInferenceArgs {
-    pub(crate) fn lanes(&self) -> impl Iterator<Item = usize> {
-        self.lanes.iter().map(|&lanes| lanes as usize)
-    }
-}
-
-/// A network of equally wide hidden layers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Shape {
-    pub(crate) layers: usize,
-    pub(crate) hidden: usize,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum InferenceBackend {
-    /// The CPU, and the first adapter if there is one.
-    #[default]
-    All,
-    /// The CPU.
-    Cpu,
-    /// The first adapter, a software one if there is no other.
-    Gpu,
 }
 
 #[derive(Debug, clap::Args)]
@@ -454,14 +400,6 @@ fn size(text: &str) -> Result<[u32; 2], String> {
         .ok_or_else(|| "a size is two numbers above 0, as in 512x512".to_owned())
 }
 
-fn shape(text: &str) -> Result<Shape, String> {
-    let [layers, hidden] = size(text)
-        .ok()
-        .filter(|shape| shape.iter().all(|&x| x <= 4096))
-        .ok_or("a shape is hidden layers × neurons, as in 4x256, each from 1 to 4096")?;
-    Ok(Shape { layers: layers as usize, hidden: hidden as usize })
-}
-
 fn exr_path(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     if has_extension(&path, "exr") { Ok(path) } else { Err("the name must end in .exr".to_owned()) }
@@ -494,8 +432,6 @@ mod tests {
         for bad in ["640", "640x", "0x3", "-1x3", "1x2x3"] {
             assert!(size(bad).is_err(), "{bad}");
         }
-        assert_eq!(shape("4x256"), Ok(Shape { layers: 4, hidden: 256 }));
-        assert!(shape("4x0").is_err() && shape("4").is_err() && shape("1x5000").is_err());
         assert_eq!(transform("cornell"), Ok(TransformArg::Builtin("cornell")));
         assert_eq!(transform("levin-u"), Ok(TransformArg::Method("levin-u")));
         assert!(transform("Cornell").is_err_and(|error| error.contains("families")));

@@ -35,3 +35,13 @@ pub(crate) enum Error {
     #[error("{0}")]
     Usage(String),
 }
+
+impl Error {
+    /// 2 if another command line is needed, else 1.
+    pub(crate) fn exit_code(&self) -> u8 {
+        match self {
+            Self::Usage(_) | Self::Files(nst_files::Error::Output { .. }) => 2,
+            _ => 1,
+        }
+    }
+}

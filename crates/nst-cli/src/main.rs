@@ -27,7 +27,7 @@ fn main() -> ExitCode {
         }
         Err(error) => {
             complain(&format!("error: {error}"));
-            ExitCode::from(if matches!(error, Error::Usage(_)) { 2 } else { 1 })
+            ExitCode::from(error.exit_code())
         }
     }
 }

@@ -196,25 +196,6 @@ fn bench_scene_writes_a_row_per_method_and_run() {
 }
 
 #[test]
-fn bench_inference_writes_a_row_per_backend_network_and_batch() {
-    let bench = Bench::new();
-    bench.succeed(
-        "bench inference --shapes 1x8,2x16 --lanes 1,100 --backend cpu --runs 1 -q -o rows.csv",
-    );
-    let table = std::fs::read_to_string(bench.path("rows.csv")).expect("the table");
-    let mut lines = table.lines();
-    assert_eq!(
-        lines.next(),
-        Some("backend,adapter,layers,hidden,lanes,milliseconds,gflops,share_of_peak,threads")
-    );
-    let rows: Vec<Vec<_>> = lines.map(|line| line.split(',').collect()).collect();
-    let cpu: Vec<_> = rows.iter().filter(|row| row[0] == "cpu").map(|row| &row[2..5]).collect();
-    let expected = [["1", "8", "1"], ["1", "8", "100"], ["2", "16", "1"], ["2", "16", "100"]];
-    assert_eq!(cpu, expected);
-    assert_eq!(rows.iter().filter(|row| row[0] == "gemm").count(), 4);
-}
-
-#[test]
 fn bench_stability_writes_a_row_per_method_regime_and_count() {
     let bench = Bench::new();
     let said = bench.succeed("bench stability --short -o out.csv --markdown out.md");

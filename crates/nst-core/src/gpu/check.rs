@@ -66,6 +66,12 @@ fn in_f16(network: &Network) -> Result<Network, Error> {
 
 #[cfg(test)]
 pub(super) mod tests {
+    use std::{
+        sync::atomic::{AtomicBool, AtomicUsize, Ordering},
+        thread,
+        time::{Duration, Instant},
+    };
+
     use super::*;
     use crate::gpu::{AdapterKind, Gpu, kernel::Variant};
 
@@ -133,5 +139,32 @@ pub(super) mod tests {
                 assert!(error.contains(&format!("{kernel} kernel")), "{error}");
             }
         }
+    }
+
+    /// All of rayon's threads are busy, as while a picture is being rendered.
+    #[test]
+    fn opening_waits_for_no_other_thread() {
+        /// Much longer than opening takes, much shorter than a test may.
+        const PATIENCE: Duration = Duration::from_secs(10);
+        let Some(gpu) = adapter(|| Gpu::open(AdapterKind::Any)) else { return };
+        let network = Network::builtin("families").expect("it is in the crate");
+        let network = network.expect("it is readable");
+        let (busy, opened) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicBool::new(false)));
+        let (too_late, waiting) = (Arc::new(AtomicBool::new(false)), Arc::clone(&busy));
+        let (seen, late) = (Arc::clone(&opened), Arc::clone(&too_late));
+        rayon::spawn_broadcast(move |_| {
+            waiting.fetch_add(1, Ordering::SeqCst);
+            let start = Instant::now();
+            while !seen.load(Ordering::SeqCst) && !late.load(Ordering::SeqCst) {
+                late.fetch_or(start.elapsed() > PATIENCE, Ordering::SeqCst);
+                thread::sleep(Duration::from_millis(1));
+            }
+        });
+        while busy.load(Ordering::SeqCst) < rayon::current_num_threads() {
+            thread::sleep(Duration::from_millis(1));
+        }
+        MlpGpu::new(gpu, network).expect("it is right");
+        opened.store(true, Ordering::SeqCst);
+        assert!(!too_late.load(Ordering::SeqCst), "it waited for the other threads");
     }
 }

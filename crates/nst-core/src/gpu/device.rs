@@ -20,7 +20,7 @@ pub enum AdapterKind {
     Any,
 }
 
-/// Bounds on an adapter's limits; `None` leaves a limit as it is.
+/// Bounds on what an adapter has; `None` leaves a limit as it is.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LowerLimits {
     /// Bytes of workgroup memory.
@@ -31,6 +31,8 @@ pub struct LowerLimits {
     pub workgroups: Option<u32>,
     /// Bytes of a storage buffer.
     pub binding_bytes: Option<u64>,
+    /// Whether f16 is left out.
+    pub without_f16: bool,
 }
 
 impl LowerLimits {
@@ -97,6 +99,9 @@ impl Gpu {
         }
         let cooperative = Cooperative::of(&adapter).filter(|_| experimental);
         let mut required_features = adapter.features() & wgpu::Features::SHADER_F16;
+        if lower.without_f16 {
+            required_features = wgpu::Features::empty();
+        }
         let mut experimental_features = wgpu::ExperimentalFeatures::disabled();
         if cooperative.is_some() {
             required_features |= wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX;

@@ -140,7 +140,7 @@ fn check(network: &Network, inputs: &[f32], values: &[f32]) -> Result<(), String
     Ok(())
 }
 
-/// Uniform numbers as `nst bench inference` makes them, here `[lane][term]`.
+/// Uniform numbers, the same as in `inference.py`, here `[lane][term]`.
 fn random_inputs(window: usize, lanes: usize) -> Vec<f32> {
     const GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
     let mut state = mix(mix(GAMMA.wrapping_add(1)) ^ lanes as u64);

@@ -1,6 +1,5 @@
 //! `nst bench`: measurements, in CSV files.
 
-mod inference;
 mod scene;
 mod stability;
 
@@ -12,7 +11,6 @@ use crate::{
 
 pub(super) fn run(args: &BenchArgs) -> Result<Done, Error> {
     match &args.bench {
-        Bench::Inference(args) => inference::run(args).map(Done::whole),
         Bench::Scene(args) => scene::run(args).map(Done::whole),
         Bench::Stability(args) => stability::run(args).map(Done::whole),
     }

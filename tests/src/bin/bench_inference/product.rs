@@ -4,13 +4,13 @@ use gemm::Parallelism;
 use rayon::prelude::*;
 
 /// Inputs and outputs of the layer.
-pub(super) const SIZE: usize = 256;
+pub(crate) const SIZE: usize = 256;
 
 /// Lanes per product: its operands and its result stay in the cache.
 const TILE: usize = 256;
 
 /// `[SIZE, SIZE] · [SIZE, lanes]` by the crate `gemm`, tiles of lanes side by side.
-pub(super) struct Product {
+pub(crate) struct Product {
     weights: Vec<f32>,
     /// Per tile, `[SIZE][TILE]`.
     inputs: Vec<f32>,
@@ -18,8 +18,8 @@ pub(super) struct Product {
 }
 
 impl Product {
-    /// For about so many lanes, at least a tile per thread.
-    pub(super) fn new(lanes: usize) -> Self {
+    /// For about this number of lanes, at least a tile per thread.
+    pub(crate) fn new(lanes: usize) -> Self {
         let tiles = lanes.div_ceil(TILE).clamp(rayon::current_num_threads(), 64);
         Self {
             weights: vec![1.0 / SIZE as f32; SIZE * SIZE],
@@ -28,17 +28,17 @@ impl Product {
         }
     }
 
-    pub(super) fn lanes(&self) -> usize {
+    pub(crate) fn lanes(&self) -> usize {
         self.outputs.len() / SIZE
     }
 
     /// Multiplications and additions of [`Self::multiply`].
-    pub(super) fn flops(&self) -> f64 {
+    pub(crate) fn flops(&self) -> f64 {
         (2 * SIZE * SIZE * self.lanes()) as f64
     }
 
     /// Computes it once.
-    pub(super) fn multiply(&mut self) {
+    pub(crate) fn multiply(&mut self) {
         let weights = &self.weights;
         self.outputs
             .par_chunks_mut(SIZE * TILE)
