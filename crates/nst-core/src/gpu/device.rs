@@ -137,13 +137,13 @@ impl Gpu {
         self.software
     }
 
-    /// Whether it takes [`Precision::F16`].
+    /// Whether it takes [`Precision::F16`](super::Precision::F16).
     #[must_use]
     pub fn has_f16(&self) -> bool {
         self.device.features().contains(wgpu::Features::SHADER_F16)
     }
 
-    /// Whether it takes [`Kernel::Cooperative`].
+    /// Whether it takes [`Kernel::Cooperative`](super::Kernel::Cooperative).
     #[must_use]
     pub fn has_cooperative_matrices(&self) -> bool {
         self.cooperative.is_some()
