@@ -41,7 +41,7 @@ mod transform;
 
 pub use error::Error;
 pub use mlp::{Instructions, MlpCpu};
-pub use network::{BUILTIN, Builtin, Layer, Metadata, Network};
+pub use network::{Builtin, Layer, Metadata, Network};
 pub(crate) use sequence::sum_in_order;
 pub use sequence::{
     Extent, FOLDS, Grid, Keep, LANES_PER_BLOCK, LaneSums, Merging, SequenceBatch, Side, Strips,

@@ -6,7 +6,7 @@
 pub struct SplitMix64(pub u64);
 
 /// 2⁶⁴ divided by the golden ratio, odd: what the state grows by.
-const GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
+pub const GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
 
 impl SplitMix64 {
     /// Independent numbers for each seed and stream.
@@ -35,7 +35,9 @@ impl SplitMix64 {
 
 /// The generator's output function: a bijection in which every bit of the result depends
 /// on every bit of `z`.
-fn mix(mut z: u64) -> u64 {
+#[must_use]
+#[inline(always)]
+pub fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)

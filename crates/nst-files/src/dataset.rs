@@ -13,7 +13,7 @@ use nst_core::SequenceBatch;
 use safetensors::tensor::Metadata;
 use serde_json::json;
 
-use crate::{Error, output::OutputFile};
+use crate::{Error, output_file::OutputFile};
 
 /// The value of the metadata key `format`.
 pub const FORMAT: &str = "nst-dataset-1";

@@ -1,6 +1,6 @@
 //! Numbers as colours: a logarithmic scale on the colour map *inferno*.
 
-use crate::{Error, output::OutputFile, png::write_rgb8};
+use crate::{Error, output_file::OutputFile, png::write_rgb8};
 
 /// Inferno by Nathaniel Smith and Stéfan van der Walt (matplotlib 3.11.2, CC0), in
 /// which equal steps look equally large: 33 of its colours in sRGB, linear between

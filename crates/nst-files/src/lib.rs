@@ -16,7 +16,8 @@ pub mod header;
 mod layers;
 mod limits;
 pub mod merge;
-pub mod output;
+mod output_file;
+mod outputs;
 pub mod pack;
 pub mod picture;
 pub mod picture_writer;
@@ -26,3 +27,11 @@ pub mod sequence_file;
 
 pub use error::Error;
 pub use layers::ColorModel;
+
+/// Files that appear whole or not at all, and that replace nothing that matters.
+pub mod output {
+    pub use crate::{
+        output_file::{OutputFile, commit},
+        outputs::{Kind, Name, Outputs},
+    };
+}

@@ -17,7 +17,7 @@ use nst_core::{Grid, Merging, SequenceBatch, Side, Strips};
 use crate::{
     Error,
     limits::strip_rows,
-    output::OutputFile,
+    output_file::OutputFile,
     sequence_file::{SequenceInfo, SequenceReader, SequenceWriter},
 };
 

@@ -3,7 +3,7 @@
 use crate::{
     ColorModel, Error,
     layers::layer_channels,
-    output::OutputFile,
+    output_file::OutputFile,
     rows::{Attributes, RowWriter},
 };
 

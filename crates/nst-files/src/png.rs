@@ -4,7 +4,7 @@ use std::{fs::File, io::BufReader, path::Path};
 
 use crate::{
     Error,
-    output::{OutputFile, SOFTWARE},
+    output_file::{OutputFile, SOFTWARE},
 };
 
 /// The first bytes of every PNG file.

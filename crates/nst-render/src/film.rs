@@ -7,13 +7,11 @@ use nst_core::{FOLDS, Grid, LaneSums, SequenceBatch, Side, fold_count};
 use rayon::prelude::*;
 
 use crate::{
-    Error, RenderSettings, Rendering, memory,
+    Error, memory,
+    rendering::{CHANNELS, RenderSettings, Rendering},
     slots::Slots,
     tiles::{self, Tile},
 };
-
-/// R, G and B.
-pub(crate) const CHANNELS: usize = 3;
 
 /// The recorded numbers of the whole picture; images are in the order of tiles.
 pub(crate) struct Film {

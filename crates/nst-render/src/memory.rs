@@ -3,7 +3,11 @@
 use bytemuck::Zeroable;
 use nst_core::LaneSums;
 
-use crate::{Error, RenderSettings, film::CHANNELS, slots::Slots};
+use crate::{
+    Error,
+    rendering::{CHANNELS, RenderSettings},
+    slots::Slots,
+};
 
 /// Bytes that a rendering of a size keeps: the terms and the sums of each lane. Side
 /// channels, made at the end, take the place of what the tracer needs before.

@@ -4,58 +4,20 @@
 use std::{
     ops::Range,
     sync::{Mutex, PoisonError},
-    time::{Duration, Instant},
+    time::Instant,
 };
 
 use glam::Vec2;
-use nst_core::{Keep, LaneSums, SequenceBatch, Side};
 use rayon::prelude::*;
 
 use crate::{
-    Error, PixelFilter, Sampler, SamplerKind, Scene,
+    Error, PixelFilter, Sampler, Scene,
     camera::Projection,
-    film::{CHANNELS, Film, TileFilm},
+    film::{Film, TileFilm},
     path::{PathTracer, Workspace},
+    rendering::{CHANNELS, RenderSettings, Rendering},
     tiles::Tile,
 };
-
-/// How to render, as opposed to what.
-#[derive(Clone, Copy, Debug)]
-pub struct RenderSettings {
-    /// Samples per pixel, at least 1.
-    pub spp: u32,
-    /// Which numbers to draw.
-    pub sampler: SamplerKind,
-    /// Seed of the sampler; different seeds give independent renderings.
-    pub seed: u64,
-    /// The terms to keep.
-    pub keep: Keep,
-}
-
-/// What [`render()`] returns.
-#[derive(Clone, Debug)]
-pub struct Rendering {
-    /// The kept terms, the fold means (where spp ≥ [`FOLDS`](nst_core::FOLDS)), the
-    /// variance of S_N (where spp ≥ 2), and the number of samples that were not finite
-    /// (where any was); three planar channels of lanes, in a grid.
-    pub batch: SequenceBatch,
-    /// What the rendering can be continued from, `[lane]`.
-    pub sums: Vec<LaneSums>,
-    /// How long it took, from the loaded scene.
-    pub time: Duration,
-    /// How much of that went into what paths need of the scene: the acceleration
-    /// structure, and tables for lights and materials.
-    pub build_time: Duration,
-}
-
-impl Rendering {
-    /// The number of samples that were not finite, and count as black.
-    #[must_use]
-    pub fn skipped(&self) -> u64 {
-        let counts = self.batch.side(&Side::Skipped).unwrap_or_default();
-        counts.iter().map(|&count| count as u64).sum()
-    }
-}
 
 /// What a rendering says and is told as it goes along.
 #[derive(Clone, Copy)]
@@ -216,7 +178,10 @@ mod tests {
         sync::atomic::{AtomicU32, Ordering},
     };
 
+    use nst_core::Keep;
+
     use super::*;
+    use crate::SamplerKind;
 
     fn scene() -> Scene {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell/cornell.obj");

@@ -1,6 +1,6 @@
 //! The networks inside the crate.
 
-use super::Network;
+use super::model::Network;
 use crate::Error;
 
 /// Names and files of networks in `weights/`; one more is one more name.
@@ -11,8 +11,7 @@ macro_rules! builtin {
 }
 
 /// The networks inside the crate: a name and the bytes of the file.
-#[doc(hidden)]
-pub const BUILTIN: &[(&str, &[u8])] = &builtin!(
+const BUILTIN: &[(&str, &[u8])] = &builtin!(
     "cornell",
     "families",
     "gaussian",

@@ -8,7 +8,7 @@ use safetensors::{
     tensor::{Metadata as Header, TensorInfo},
 };
 
-use super::{Layer, Metadata, Network};
+use super::model::{Layer, Metadata, Network};
 use crate::Error;
 
 /// The value of the metadata key `format` in files that this version reads.

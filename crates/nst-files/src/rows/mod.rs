@@ -5,39 +5,22 @@
 //! file is read here, and every size is checked against the file's length before
 //! memory is asked for.
 
+mod parts;
 mod reader;
 mod writer;
 
-use std::collections::BTreeMap;
-
-use exr::meta::attribute::SampleType;
-
+pub(crate) use parts::{Attribute, Attributes, Channel};
 pub(crate) use reader::{RowReader, Rows};
 pub(crate) use writer::RowWriter;
-
-/// Bytes of a sample: the channels of these files are f32 or u32.
-const SAMPLE: usize = 4;
-
-/// The value of an attribute.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Attribute {
-    Text(String),
-    I32(i32),
-    F32(f32),
-}
-
-/// Attributes by name.
-pub(crate) type Attributes = BTreeMap<String, Attribute>;
-
-/// A channel's name and type, f32 or u32.
-pub(crate) type Channel = (String, SampleType);
 
 #[cfg(test)]
 mod tests {
     use std::path::Path;
 
+    use exr::meta::attribute::SampleType;
+
     use super::*;
-    use crate::{Error, output::OutputFile};
+    use crate::{Error, output_file::OutputFile};
 
     /// Writes f32 channels of some rows at a time.
     fn write(path: &Path, size: [u32; 2], planes: &[Vec<f32>], rows: usize) -> Result<(), Error> {

@@ -21,7 +21,7 @@ use exr::{
 };
 use rayon::prelude::*;
 
-use super::{Attribute, Channel, SAMPLE};
+use super::parts::{Attribute, Channel, SAMPLE};
 use crate::{Error, limits::MOST_DEFLATED};
 
 /// Reads a file row by row.

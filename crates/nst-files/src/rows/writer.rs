@@ -19,11 +19,11 @@ use exr::{
 };
 use rayon::prelude::*;
 
-use super::{Attribute, Attributes, Channel, SAMPLE};
+use super::parts::{Attribute, Attributes, Channel, SAMPLE};
 use crate::{
     Error,
     limits::BLOCK_ROWS,
-    output::{OutputFile, SOFTWARE},
+    output_file::{OutputFile, SOFTWARE},
 };
 
 /// Writes a file row by row.

@@ -11,7 +11,10 @@ use ndarray::Array2;
 use nst_core::{FOLDS, Grid, LaneSums, SequenceBatch, Side, Strips};
 use rayon::prelude::*;
 
-use super::{ResumeInfo, SequenceInfo, VERSION, term_name, writer::KnownLanes};
+use super::{
+    info::{ResumeInfo, SequenceInfo, VERSION, term_name},
+    state::KnownLanes,
+};
 use crate::{
     ColorModel, Error,
     layers::channel_name,

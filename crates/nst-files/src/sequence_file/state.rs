@@ -7,7 +7,7 @@
 
 use exr::prelude::SampleType;
 
-use nst_core::{FOLDS, LaneSums, Side, fold_count};
+use nst_core::{FOLDS, LaneSums, SequenceBatch, Side, fold_count};
 
 use crate::{ColorModel, layers::channel_name, rows::Channel};
 
@@ -64,6 +64,28 @@ impl Known {
         let mut sums = LaneSums { folds, squares: 0.0 };
         sums.squares = join(words[FOLDS], self.squares(sums.total()));
         sums
+    }
+}
+
+/// What a batch says of each lane beside its terms.
+pub(super) struct KnownLanes<'a> {
+    n: u32,
+    folds: [Option<&'a [f32]>; FOLDS],
+    variance: Option<&'a [f32]>,
+}
+
+impl<'a> KnownLanes<'a> {
+    pub(super) fn new(batch: &'a SequenceBatch) -> Self {
+        Self {
+            n: batch.sample_counts().last().copied().unwrap_or_default(),
+            folds: Side::ALL_FOLDS.each_ref().map(|fold| batch.side(fold)),
+            variance: batch.side(&Side::Variance),
+        }
+    }
+
+    pub(super) fn lane(&self, lane: usize) -> Known {
+        let value = |side: Option<&[f32]>| side.map_or(0.0, |values| values[lane]);
+        Known { n: self.n, means: self.folds.map(value), variance: value(self.variance) }
     }
 }
 

@@ -2,14 +2,17 @@
 
 use std::ops::Range;
 
-use nst_core::{FOLDS, LaneSums, SequenceBatch, Side};
+use nst_core::{LaneSums, SequenceBatch, Side};
 use rayon::prelude::*;
 
-use super::{ResumeInfo, SequenceInfo, VERSION, state};
+use super::{
+    info::{ResumeInfo, SequenceInfo, VERSION},
+    state::{self, KnownLanes},
+};
 use crate::{
     Error,
     limits::BLOCK_ROWS,
-    output::OutputFile,
+    output_file::OutputFile,
     rows::{Attribute, Attributes, RowWriter},
 };
 
@@ -103,28 +106,6 @@ impl<'a> SequenceWriter<'a> {
     /// [`Error::Io`] if it cannot be written.
     pub fn finish(self) -> Result<(), Error> {
         self.rows.finish()
-    }
-}
-
-/// What a batch says of each lane beside its terms.
-pub(super) struct KnownLanes<'a> {
-    n: u32,
-    folds: [Option<&'a [f32]>; FOLDS],
-    variance: Option<&'a [f32]>,
-}
-
-impl<'a> KnownLanes<'a> {
-    pub(super) fn new(batch: &'a SequenceBatch) -> Self {
-        Self {
-            n: batch.sample_counts().last().copied().unwrap_or_default(),
-            folds: Side::ALL_FOLDS.each_ref().map(|fold| batch.side(fold)),
-            variance: batch.side(&Side::Variance),
-        }
-    }
-
-    pub(super) fn lane(&self, lane: usize) -> state::Known {
-        let value = |side: Option<&[f32]>| side.map_or(0.0, |values| values[lane]);
-        state::Known { n: self.n, means: self.folds.map(value), variance: value(self.variance) }
     }
 }
 

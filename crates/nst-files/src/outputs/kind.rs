@@ -2,12 +2,21 @@
 
 use std::{fs::File, io::Read, path::Path};
 
-use super::{Name, SOFTWARE};
 use crate::{
     Error, dataset,
     header::{ExrHeader, is_exr},
+    output_file::SOFTWARE,
     png,
 };
+
+/// Who chose the name of an output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Name {
+    /// The user: what stands there may be replaced.
+    Given,
+    /// The program: what stands there may be replaced if `nst` wrote it.
+    Default,
+}
 
 /// A kind of file that is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -118,11 +127,7 @@ fn is_ours(software: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        ColorModel,
-        output::{OutputFile, Outputs},
-        picture_writer::write_exr,
-    };
+    use crate::{ColorModel, output_file::OutputFile, outputs::Outputs, picture_writer::write_exr};
 
     fn write(path: &Path, kind: Kind) -> Result<(), Error> {
         let mut output = OutputFile::create(path)?;

@@ -1,7 +1,6 @@
-//! Files that appear whole or not at all, and that replace nothing that matters.
+//! Files that appear whole or not at all.
 
 use std::{
-    ffi::OsStr,
     fs::File,
     path::{Path, PathBuf},
 };
@@ -9,10 +8,6 @@ use std::{
 use tempfile::NamedTempFile;
 
 use crate::Error;
-
-mod kind;
-
-pub use kind::Kind;
 
 /// What files of this crate say about the program that wrote them.
 pub(crate) const SOFTWARE: &str = concat!("nst ", env!("CARGO_PKG_VERSION"));
@@ -30,7 +25,7 @@ pub struct OutputFile {
 }
 
 impl OutputFile {
-    /// Prepares to write `path`, whatever stands there; [`Outputs`] looks before.
+    /// Prepares to write `path`, whatever stands there; [`Outputs`](crate::output::Outputs) looks before.
     ///
     /// # Errors
     /// [`Error::Io`] if `path` is a folder or a device, or if its folder cannot be
@@ -58,6 +53,16 @@ impl OutputFile {
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Where the file will be, links followed and the folder's name in full.
+    pub(crate) fn place(&self) -> PathBuf {
+        self.target.canonicalize().unwrap_or_else(|_| {
+            // It is not there yet.
+            let folder = folder_of(&self.target).canonicalize();
+            let name = self.target.file_name().unwrap_or_default();
+            folder.map_or_else(|_| self.target.clone(), |folder| folder.join(name))
+        })
     }
 
     /// The file under its temporary name, open for writing.
@@ -91,65 +96,6 @@ pub fn commit(outputs: impl IntoIterator<Item = OutputFile>) -> Result<(), Error
         file.persist(&target).map_err(|error| Error::io("write", &path, error.error))?;
     }
     Ok(())
-}
-
-/// Who chose the name of an output.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Name {
-    /// The user: what stands there may be replaced.
-    Given,
-    /// The program: what stands there may be replaced if `nst` wrote it.
-    Default,
-}
-
-/// The outputs of a job, none of which may replace what the job reads, another output, or
-/// a file of another kind.
-#[derive(Debug, Default)]
-pub struct Outputs {
-    /// Where inputs and outputs so far are, and what they are called in messages.
-    taken: Vec<(PathBuf, PathBuf, &'static str)>,
-}
-
-impl Outputs {
-    /// The outputs of a job that reads these files.
-    pub fn of_inputs<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>) -> Self {
-        let place = |path: P| {
-            let path = path.as_ref();
-            // What cannot be found cannot be replaced.
-            Some((path.canonicalize().ok()?, path.to_owned(), "an input"))
-        };
-        Self { taken: inputs.into_iter().filter_map(place).collect() }
-    }
-
-    /// One more file that the job reads.
-    pub fn protect(&mut self, path: &Path) {
-        self.taken.extend(Self::of_inputs([path]).taken);
-    }
-
-    /// Prepares to write a file.
-    ///
-    /// # Errors
-    /// [`Error::Output`] if `path` is an input or another output, if a file of another
-    /// kind stands there, or if the name was not given and somebody else's file stands
-    /// there; [`Error::Io`] as for [`OutputFile::create`].
-    pub fn open(&mut self, path: &Path, kind: Kind, name: Name) -> Result<OutputFile, Error> {
-        let output = OutputFile::create(path)?;
-        let place = output.target.canonicalize().unwrap_or_else(|_| {
-            let folder = folder_of(&output.target).canonicalize();
-            let file = output.target.file_name().unwrap_or(OsStr::new(""));
-            folder.map_or_else(|_| output.target.clone(), |folder| folder.join(file))
-        });
-        if let Some((_, other, what)) = self.taken.iter().find(|(taken, ..)| *taken == place) {
-            let message = match other == path {
-                true => format!("it is {what} too; give another name"),
-                false => format!("it is {what} too, as '{}'; give another name", other.display()),
-            };
-            return Err(Error::output(path, message));
-        }
-        kind.check(path, name)?;
-        self.taken.push((place, path.to_owned(), "an output"));
-        Ok(output)
-    }
 }
 
 /// What a path stands for: the file that a link leads to, whether it is there or not.
@@ -204,26 +150,6 @@ mod tests {
         OutputFile::create(&lost)?.commit()?;
         assert!(lost.is_symlink() && folder.path().join("new").is_file());
         assert!(OutputFile::create(Path::new("/dev/null")).is_err());
-        Ok(())
-    }
-
-    #[test]
-    fn inputs_and_other_outputs_are_not_replaced() -> Checked {
-        let folder = tempfile::tempdir()?;
-        let [input, output] = ["a.csv", "b.csv"].map(|name| folder.path().join(name));
-        std::fs::write(&input, "a,b\n")?;
-        let mut outputs = Outputs::of_inputs([&input, &folder.path().join("missing")]);
-        let again = folder.path().join(".").join("a.csv");
-        for path in [&input, &again] {
-            let error = outputs.open(path, Kind::Csv, Name::Given).expect_err("an input");
-            assert!(error.to_string().contains("an input"), "{error}");
-        }
-        let first = outputs.open(&output, Kind::Csv, Name::Given)?;
-        let again = folder.path().join(".").join("b.csv");
-        let error = outputs.open(&again, Kind::Csv, Name::Given).expect_err("the same file");
-        assert!(error.to_string().contains("an output"), "{error}");
-        first.commit()?;
-        assert!(output.is_file());
         Ok(())
     }
 
