@@ -72,8 +72,8 @@ impl Kind {
             return Err(Error::output(path, message));
         }
         if name == Name::Default && !found.ours {
-            let message = "a file stands there that nst did not write; to replace it, name it \
-                           with --output";
+            let message = "a file stands there that nst did not write; move it away, or choose \
+                           another name with --output";
             return Err(Error::output(path, message));
         }
         Ok(())
