@@ -1,4 +1,5 @@
-//! Files that appear whole or not at all, and that replace nothing that matters.
+//! Files that appear whole or not at all, and never replace an input or a file of another
+//! kind.
 
 use std::{
     ffi::OsStr,
@@ -14,13 +15,13 @@ mod kind;
 
 pub use kind::Kind;
 
-/// What files of this crate say about the program that wrote them.
+/// The program that wrote a file, as the files of this crate name it.
 pub(crate) const SOFTWARE: &str = concat!("nst ", env!("CARGO_PKG_VERSION"));
 
-/// A file that is written under a temporary name beside its own and renamed by
-/// [`commit`]; dropped before that, it leaves no trace. A process that is
-/// killed leaves the temporary file, `.nst-….tmp`, and whatever the name stood for.
-/// Opening it before a long computation shows early whether the place can be written to.
+/// A file that is written under a temporary name in the folder of its own, and renamed by
+/// [`commit`]. If it is dropped before that, it is deleted. A process that is killed leaves
+/// the temporary file, `.nst-….tmp`, and the old file, if there was one. Opening an output
+/// before a long computation shows early whether it can be written.
 #[derive(Debug)]
 pub struct OutputFile {
     file: NamedTempFile,
@@ -30,7 +31,8 @@ pub struct OutputFile {
 }
 
 impl OutputFile {
-    /// Prepares to write `path`, whatever stands there; [`Outputs`] looks before.
+    /// Prepares to write `path`, whatever file is there now; [`Outputs::open`] checks
+    /// whether it may be replaced.
     ///
     /// # Errors
     /// [`Error::Io`] if `path` is a folder or a device, or if its folder cannot be
@@ -42,8 +44,8 @@ impl OutputFile {
             return Err(failed(std::io::ErrorKind::IsADirectory.into()));
         }
         if target.exists() && !target.is_file() {
-            // To rename a file over a device would take its place.
-            return Err(Error::output(path, "it is no ordinary file"));
+            // A file that is renamed to the name of a device replaces the device.
+            return Err(Error::output(path, "it is not an ordinary file"));
         }
         let mut builder = tempfile::Builder::new();
         builder.prefix(".nst-").suffix(".tmp");
@@ -65,7 +67,7 @@ impl OutputFile {
         self.file.as_file_mut()
     }
 
-    /// Puts the finished file in its place, over what was there.
+    /// Puts the finished file in its place; a file that was there is replaced.
     ///
     /// # Errors
     /// [`Error::Io`] if it cannot be stored or renamed.
@@ -74,16 +76,16 @@ impl OutputFile {
     }
 }
 
-/// Puts finished files in their places, over what was there: all are stored before the
-/// first gets its name, so that a full disk leaves every old file.
+/// Puts finished files in their places; files that were there are replaced. All are on the
+/// disk before the first is renamed, so that a full disk leaves every old file.
 ///
 /// # Errors
 /// [`Error::Io`] if one cannot be stored or renamed.
 pub fn commit(outputs: impl IntoIterator<Item = OutputFile>) -> Result<(), Error> {
     let outputs: Vec<OutputFile> = outputs.into_iter().collect();
     for output in &outputs {
-        // A disk may report late that it is full, and after a power failure the name must
-        // not stand for a file without content.
+        // A disk may report late that it is full; and after a power failure, the file must
+        // not be there without its content.
         let stored = output.file.as_file().sync_all();
         stored.map_err(|error| Error::io("write", &output.path, error))?;
     }
@@ -96,17 +98,18 @@ pub fn commit(outputs: impl IntoIterator<Item = OutputFile>) -> Result<(), Error
 /// Who chose the name of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Name {
-    /// The user: what stands there may be replaced.
+    /// The user: a file of the same kind may be replaced.
     Given,
-    /// The program: what stands there may be replaced if `nst` wrote it.
+    /// The program: a file of the same kind may be replaced if `nst` wrote it.
     Default,
 }
 
-/// The outputs of a job, none of which may replace what the job reads, another output, or
-/// a file of another kind.
+/// The outputs of a job. None may replace an input of the job, another output, or a file of
+/// another kind.
 #[derive(Debug, Default)]
 pub struct Outputs {
-    /// Where inputs and outputs so far are, and what they are called in messages.
+    /// The inputs, and the outputs so far: where they are, the path as it was given, and
+    /// what messages call them.
     taken: Vec<(PathBuf, PathBuf, &'static str)>,
 }
 
@@ -115,7 +118,7 @@ impl Outputs {
     pub fn of_inputs<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>) -> Self {
         let place = |path: P| {
             let path = path.as_ref();
-            // What cannot be found cannot be replaced.
+            // A file that does not exist cannot be replaced.
             Some((path.canonicalize().ok()?, path.to_owned(), "an input"))
         };
         Self { taken: inputs.into_iter().filter_map(place).collect() }
@@ -129,9 +132,9 @@ impl Outputs {
     /// Prepares to write a file.
     ///
     /// # Errors
-    /// [`Error::Output`] if `path` is an input or another output, if a file of another
-    /// kind stands there, or if the name was not given and somebody else's file stands
-    /// there; [`Error::Io`] as for [`OutputFile::create`].
+    /// [`Error::Output`] if `path` is an input or another output, if a file of another kind
+    /// is there, or if the program chose the name and a file is there that `nst` did not
+    /// write; [`Error::Io`] as for [`OutputFile::create`].
     pub fn open(&mut self, path: &Path, kind: Kind, name: Name) -> Result<OutputFile, Error> {
         let output = OutputFile::create(path)?;
         let place = output.target.canonicalize().unwrap_or_else(|_| {
@@ -152,11 +155,12 @@ impl Outputs {
     }
 }
 
-/// What a path stands for: the file that a link leads to, whether it is there or not.
+/// Where a path leads: to the file behind a link, whether it exists or not.
 fn target(path: &Path) -> std::io::Result<PathBuf> {
     if path.is_symlink() {
         let link = std::fs::read_link(path)?;
-        // A link to a file that is there may lead on.
+        // A link may lead to further links; if the last leads to no file, the first is
+        // followed alone.
         return path.canonicalize().or_else(|_| Ok(folder_of(path).join(link)));
     }
     Ok(path.to_owned())

@@ -1,7 +1,7 @@
-//! Other renderers' pictures as sequences: independent renderings, of which the
-//! progressive means are taken, or the snapshots of one progressive rendering.
-//! Pictures are read by strips of rows, each in turn: no more than a strip of
-//! the sequence is in memory, however many files there are.
+//! Makes a sequence from pictures of other renderers: the running means of independent
+//! renderings, or the snapshots of one progressive rendering. Pictures are read one after
+//! the other, strip by strip: no more than a strip of the sequence is in memory, however
+//! many files there are.
 
 mod moments;
 mod names;
@@ -23,14 +23,15 @@ use crate::{
 use moments::Moments;
 pub use names::samples_in_name;
 
-/// What pictures are of a sequence.
+/// What the pictures are.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Pack {
-    /// Independent renderings with this many samples per pixel each. Term k is the mean
-    /// of the first k; picture i belongs to fold i mod 4.
+    /// Independent renderings with this many samples per pixel each. Term k is the mean of
+    /// the first k; picture i belongs to fold i mod 4. Values that are not finite are left
+    /// out of means, folds and variance.
     Samples(u32),
     /// The terms themselves, with these numbers of samples per pixel. There are neither
-    /// folds nor a variance: the samples behind rounded means are lost.
+    /// folds nor a variance: they cannot be computed from rounded means.
     Estimates(Vec<u32>),
 }
 
@@ -40,19 +41,21 @@ pub struct Packer {
     pictures: Vec<Picture>,
     pack: Pack,
     sample_counts: Vec<u32>,
-    /// By picture: a hash of its values, whether they are all equal, and how many are not finite.
+    /// What was seen of each picture so far.
     seen: Vec<Seen>,
 }
 
 #[derive(Clone, Debug, Default)]
 struct Seen {
     hash: DefaultHasher,
+    /// The bits of the first value, and whether another differs from it.
     first: Option<u32>,
     varies: bool,
+    /// How many values are not finite.
     nonfinite: u64,
 }
 
-/// Opens pictures and checks that they have one size, one position and equally many channels.
+/// Opens pictures, and checks that all have the same size, position and number of channels.
 ///
 /// # Errors
 /// [`Error::Io`] or [`Error::Malformed`] names the file and what is wrong, or how it differs
@@ -122,7 +125,7 @@ impl Packer {
         self.pictures[0].size
     }
 
-    /// Three channels are taken for R, G, B in linear sRGB.
+    /// The channels of the sequence; three count as R, G, B in linear sRGB.
     #[must_use]
     pub fn model(&self) -> ColorModel {
         match self.pictures[0].channel_names.len() {
@@ -150,7 +153,7 @@ impl Packer {
         }
     }
 
-    /// The strips of rows to read one after the other.
+    /// The strips of rows to [read](Self::read), one after the other.
     pub fn strips(&self) -> impl Iterator<Item = Range<u32>> + use<> {
         let [width, height] = self.size();
         let row = size_of::<f32>() * self.model().channels().len() * width as usize;
@@ -195,9 +198,9 @@ impl Packer {
         Ok(batch)
     }
 
-    /// Checks, when all strips are read, that no two renderings hold the same
-    /// numbers: they would not be independent. Returns the pictures that
-    /// contain values that are not finite, and how many.
+    /// Checks, when all strips are read, that no two renderings have the same pixels: they
+    /// would not be independent. Returns the pictures that contain values that are not
+    /// finite, and how many.
     ///
     /// # Errors
     /// [`Error::Malformed`] names two equal files.
@@ -205,11 +208,11 @@ impl Packer {
         if let Pack::Samples(_) = self.pack {
             let mut hashes = std::collections::BTreeMap::<u64, &Path>::new();
             for (picture, seen) in self.pictures.iter().zip(&self.seen) {
-                // A black picture may come twice.
+                // Several pictures may be black, or of another single value.
                 let earlier = hashes.insert(seen.hash.finish(), picture.path());
                 if let (true, Some(earlier)) = (seen.varies, earlier) {
                     let message = format!(
-                        "it holds the same pixels as '{}'; independent renderings need different seeds",
+                        "it has the same pixels as '{}'; independent renderings need different seeds",
                         earlier.display()
                     );
                     return Err(Error::malformed(picture.path(), message));

@@ -1,9 +1,9 @@
-//! Means of pictures, one picture after the other.
+//! Running means, folds and variance of pictures that come one after the other.
 
 use nst_core::FOLDS;
 
-/// Sums over pictures by lane, in f64. Values that are not finite are left out: what
-/// they would have been is not known, and one of them would leave nothing of the others.
+/// Sums over pictures by lane, in f64. Values that are not finite are left out: their true
+/// values are not known, and one of them would spoil the sums.
 pub(super) struct Moments {
     /// How many pictures have been added.
     pictures: usize,
@@ -58,8 +58,8 @@ impl Moments {
         sum.iter().zip(count).map(|(sum, count)| (sum / f64::from(*count)) as f32).collect()
     }
 
-    /// The estimated variance of the mean of all: Σ (x − x̄)² / (R (R − 1)); infinite where
-    /// fewer than two values are finite.
+    /// The estimated variance of the mean of all R pictures: Σ (x − x̄)² / (R (R − 1));
+    /// infinite where fewer than two values are finite.
     pub(super) fn variance(&self) -> Vec<f32> {
         let of_lane = |(lane, sum): (usize, &f64)| {
             let count = self.count(lane);
@@ -73,7 +73,7 @@ impl Moments {
 mod tests {
     use super::*;
 
-    /// One picture spoils nothing but what it alone could tell.
+    /// A value that is not finite spoils only what would depend on it alone.
     #[test]
     fn values_that_are_not_finite_are_left_out() {
         let (nan, inf) = (f32::NAN, f32::INFINITY);

@@ -1,4 +1,4 @@
-//! What the names of files say.
+//! What the names of files say about their content.
 
 use std::path::Path;
 

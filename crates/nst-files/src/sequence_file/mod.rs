@@ -1,7 +1,8 @@
 //! Sequences as EXR files; `docs/sequence-exr.md` defines the format for others.
 //!
-//! R, G, B hold S_N; the layer `S0008` the term of 8 samples, and so on; `fold0` …
-//! and `Variance` the side channels; `state.…` what a rendering is continued from.
+//! R, G, B contain S_N; the layer `S0008` the term of 8 samples, and so on; `fold0` …,
+//! `Variance` and `Skipped` are the side channels; `state.…` is what a rendering is
+//! continued from.
 
 mod reader;
 mod state;
@@ -20,7 +21,7 @@ pub use writer::SequenceWriter;
 /// The version of the format that this module writes, and the only one it reads.
 const VERSION: &str = "1";
 
-/// What a sequence file says about its lanes, and where they come from.
+/// What the header of a sequence file says.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SequenceInfo {
     /// Width and height in pixels.
@@ -31,15 +32,15 @@ pub struct SequenceInfo {
     pub sample_counts: Vec<u32>,
     /// The side channels, sorted.
     pub sides: Vec<Side>,
-    /// The scene's fingerprint, or nothing.
+    /// The scene's fingerprint; empty if unknown.
     pub scene: String,
-    /// The sampler's name, or nothing.
+    /// The sampler's name; empty if unknown.
     pub sampler: String,
     /// The seeds of the samples: one, several of a merged sequence, or none if unknown.
     pub seeds: Vec<u64>,
-    /// How long the rendering took.
+    /// How long the rendering took, in seconds; 0 if unknown.
     pub render_seconds: f32,
-    /// How the rendering can be continued; the file then holds its sums as well.
+    /// How the rendering can be continued; the file then contains its sums, too.
     pub resume: Option<ResumeInfo>,
 }
 
@@ -48,9 +49,9 @@ pub struct SequenceInfo {
 pub struct ResumeInfo {
     /// The terms to keep.
     pub keep: Keep,
-    /// How positions within a pixel are chosen, by the renderer's name for it.
+    /// The renderer's name for how it chooses positions within a pixel.
     pub pixel_filter: String,
-    /// The longest paths.
+    /// The most vertices of a path after the camera.
     pub max_depth: u32,
     /// Whether Russian roulette may end paths early.
     pub russian_roulette: bool,
@@ -63,7 +64,7 @@ impl SequenceInfo {
         self.sample_counts.last().copied().unwrap_or_default()
     }
 
-    /// Where the lanes lie.
+    /// The place of each lane in the picture.
     ///
     /// # Errors
     /// [`Error::Core`] if there are none, or too many.
@@ -126,8 +127,8 @@ impl SequenceFile {
         Self::read_with(path, true)
     }
 
-    /// Reads what a rendering is continued from: all but folds and
-    /// variance, which the sums give again.
+    /// Reads what a rendering is continued from: all but folds and variance, which follow
+    /// from the sums.
     ///
     /// # Errors
     /// As [`SequenceFile::read`].
@@ -141,7 +142,7 @@ impl SequenceFile {
         let grid = info.grid()?;
         let mut terms = Vec::new();
         reserve(path, &mut terms, info.sample_counts.len(), grid.lanes())?;
-        // The sums give folds and variance again.
+        // Folds and variance follow from the sums.
         let wanted = |side: &Side| with_sides || !matches!(side, Side::Fold(_) | Side::Variance);
         let mut sides: Vec<(Side, Vec<f32>)> =
             info.sides.iter().filter(|side| wanted(side)).map(|s| (s.clone(), vec![])).collect();
