@@ -8,13 +8,14 @@ use nst_core::{Network, methods::METHODS};
 #[derive(Debug, clap::Args)]
 pub(crate) struct MethodArgs {
     /// `auto`, `none`, the name of a built-in network, or of a classical or robust
-    /// method. `auto` takes the network that was trained on this very scene, else none.
+    /// method. `auto` uses the built-in network that was trained on exactly this scene, or
+    /// else none.
     #[arg(long, value_name = "METHOD", default_value = "auto", value_parser = transform)]
     pub(crate) transform: TransformArg,
     /// Use the network of this safetensors file.
     #[arg(long, value_name = "FILE", conflicts_with = "transform")]
     pub(crate) weights: Option<PathBuf>,
-    /// What evaluates the network. `auto`: a hardware GPU if there is one, else the CPU.
+    /// What the network runs on.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) backend: BackendArg,
 }
@@ -24,7 +25,7 @@ pub(crate) enum BackendArg {
     /// A hardware GPU if there is one, else the CPU.
     #[default]
     Auto,
-    /// The first adapter, a software one if there is no other.
+    /// The first GPU, or a software adapter if there is no GPU.
     Gpu,
     /// The CPU.
     Cpu,

@@ -1,5 +1,4 @@
-//! What the user types: the commands and their options. One module for each command with
-//! many options; the others are here.
+//! The commands and their options. Commands with many options have a module each.
 
 mod bench;
 mod method;
@@ -53,7 +52,7 @@ impl Command {
     }
 }
 
-/// Transform a stored sequence.
+/// Transform a stored sequence, write EXR.
 #[derive(Debug, clap::Args)]
 pub(crate) struct TransformArgs {
     /// Sequence file, as written by `nst render --sequence`.
@@ -81,8 +80,8 @@ pub(crate) struct MergeArgs {
     pub(crate) common: CommonArgs,
 }
 
-/// Say what is in a file: a sequence or picture (EXR), a scene (OBJ), a network's
-/// weights or a dataset (safetensors).
+/// Show what is in a file: a sequence or picture (EXR), a scene (OBJ), a network's weights
+/// or a dataset (safetensors).
 #[derive(Debug, clap::Args)]
 pub(crate) struct InfoArgs {
     /// The file.
@@ -94,18 +93,19 @@ pub(crate) struct InfoArgs {
 
 /// Compare pictures with a reference: MSE, relMSE and SMAPE.
 ///
-/// Several pictures are taken for independent runs of one method: the error is their
-/// mean, and bias and variance are told apart.
+/// Several pictures count as independent runs of one method: the error is the mean over
+/// them, and is split into bias and variance.
 #[derive(Debug, clap::Args)]
 pub(crate) struct CompareArgs {
-    /// EXR pictures of any program, of one size; the last is the reference.
+    /// EXR pictures of any program, all of the same size; the last is the reference.
     #[arg(value_name = "EXR", required = true)]
     pub(crate) files: Vec<PathBuf>,
-    /// Layer of the pictures to compare, such as S. The reference's main picture is
-    /// always taken. [default: the main picture]
+    /// Layer of the pictures to compare, as in S; of the reference, the main picture is
+    /// used. [default: the main picture]
     #[arg(long, value_name = "NAME")]
     pub(crate) layer: Option<String>,
-    /// Also draw each pixel's relative squared error: false colours, logarithmic.
+    /// Also write a picture of each pixel's relative squared error, in false colours on a
+    /// logarithmic scale.
     #[arg(long, value_name = "PNG", value_parser = png_path)]
     pub(crate) error_map: Option<PathBuf>,
     #[command(flatten)]
@@ -117,10 +117,10 @@ pub(crate) struct CommonArgs {
     /// Threads to use. [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) threads: Option<u16>,
-    /// Print nothing but errors.
+    /// Print only errors and warnings.
     #[arg(short, long)]
     pub(crate) quiet: bool,
-    /// Print the summary as one JSON object.
+    /// Print the report as one JSON object.
     #[arg(long, conflicts_with = "quiet")]
     pub(crate) json: bool,
 }

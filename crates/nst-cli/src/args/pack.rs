@@ -6,10 +6,10 @@ use clap::ValueEnum;
 
 use super::CommonArgs;
 
-/// Make a sequence out of another renderer's pictures.
+/// Make a sequence from pictures of another renderer.
 ///
-/// EXR files of any layout are read: RGB or a single channel, f16, f32 or u32, with
-/// layers and parts. All must agree in size.
+/// EXR files of any layout are read: RGB or a single channel, f16, f32 or u32, with layers
+/// and parts. All must have the same size.
 #[derive(Debug, clap::Args)]
 pub(crate) struct PackArgs {
     /// EXR files; with --as runs, sequence files.
@@ -21,7 +21,7 @@ pub(crate) struct PackArgs {
     /// Sequence to write (.exr); with --as runs, the dataset (.safetensors).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
-    /// Layer to read, such as `diffuse`, or a channel by its whole name. [default: the main
+    /// Layer to read, as in `diffuse`, or a channel by its whole name. [default: the main
     /// picture, or the only layer]
     #[arg(long, value_name = "LAYER")]
     pub(crate) channels: Option<String>,
@@ -32,10 +32,11 @@ pub(crate) struct PackArgs {
     /// [default: what the files or their names say]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) spp_list: Option<Vec<u32>>,
-    /// Name of the scene to record; networks are trained for scenes by name.
+    /// Name of the scene, to be stored in the sequence.
     #[arg(long, value_name = "NAME")]
     pub(crate) scene: Option<String>,
-    /// Seed that the other renderer used, to record; `nst merge` needs it.
+    /// Seed that the other renderer used, to be stored in the sequence; `nst merge` needs
+    /// it.
     #[arg(long)]
     pub(crate) seed: Option<u64>,
     #[command(flatten)]
@@ -44,7 +45,8 @@ pub(crate) struct PackArgs {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum PackAs {
-    /// Independent renderings with different seeds; the sequence is that of their means.
+    /// Independent renderings with different seeds: the terms are the means of the first 1,
+    /// 2, 3, … files.
     Samples,
     /// Snapshots of one progressive rendering: the terms themselves, sorted by their samples.
     Estimates,

@@ -13,7 +13,7 @@ use crate::error::Error;
 #[derive(Debug, clap::Args)]
 #[command(group(ArgGroup::new("stored").args(["sequence", "resume", "runs"]).multiple(true)))]
 pub(crate) struct RenderArgs {
-    /// OBJ file; its MTL files and a TOML sidecar of the same name are read with it.
+    /// OBJ file; its MTL files, and a TOML file of the same name, are read with it.
     #[arg(long, value_name = "OBJ")]
     pub(crate) scene: PathBuf,
     /// Samples per pixel.
@@ -23,15 +23,16 @@ pub(crate) struct RenderArgs {
     /// (.safetensors). [default: the scene's name, in this folder]
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
-    /// Render this many independent runs into a dataset for training instead of a
-    /// picture; the seeds count up from --seed.
+    /// Instead of a picture, write a dataset for training: this many independent runs,
+    /// whose seeds count up from --seed.
     #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "sequence")]
     pub(crate) runs: Option<u32>,
     /// Also store the sequence, for `nst transform` and --resume.
     #[arg(long, value_name = "EXR", value_parser = exr_path)]
     pub(crate) sequence: Option<PathBuf>,
-    /// Continue the rendering of this sequence file, up to --spp. What the file says
-    /// need not be repeated; without --sequence it is brought up to date.
+    /// Continue the rendering of this sequence file, up to --spp. Options that the file
+    /// sets can be left out. Without --sequence, the file itself is replaced by the longer
+    /// sequence.
     #[arg(long, value_name = "EXR", conflicts_with = "runs")]
     pub(crate) resume: Option<PathBuf>,
     /// Which terms of the sequence to store. [default: window; with --runs, all]
@@ -46,13 +47,14 @@ pub(crate) struct RenderArgs {
     /// Seed of the random numbers; runs with different seeds are independent. [default: 0]
     #[arg(long)]
     pub(crate) seed: Option<u64>,
-    /// `path`: paths up to the depth; `direct`: depth 2. [default: the scene's]
+    /// `path`: paths up to the depth; `direct`: depth 2, direct light only. [default: path]
     #[arg(long, value_enum)]
     pub(crate) integrator: Option<IntegratorArg>,
-    /// Path vertices after the camera that may scatter or emit. [default: the scene's]
+    /// Path vertices after the camera that may scatter or emit: 1 shows lights only.
+    /// [default: the scene's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) max_depth: Option<u32>,
-    /// Where in a pixel samples are taken. [default: box]
+    /// Where in a pixel samples are. [default: box]
     #[arg(long, value_enum)]
     pub(crate) pixel: Option<PixelArg>,
     #[command(flatten)]
@@ -75,7 +77,7 @@ impl RenderArgs {
         }
     }
 
-    /// Who chose that name.
+    /// Whether the user or the program chose that name.
     pub(crate) fn output_name(&self) -> Name {
         if self.output.is_some() { Name::Given } else { Name::Default }
     }
@@ -110,9 +112,9 @@ impl From<SamplerArg> for SamplerKind {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum IntegratorArg {
-    /// Paths as deep as the scene says.
+    /// Paths up to the depth.
     Path,
-    /// Light that reaches the first surface directly.
+    /// Lights, and light that reaches the first surface directly.
     Direct,
 }
 

@@ -19,7 +19,7 @@ pub(super) fn png_path(text: &str) -> Result<PathBuf, String> {
     if has_extension(&path, "png") { Ok(path) } else { Err("the name must end in .png".to_owned()) }
 }
 
-/// Whether a path ends in the extension, whatever its case.
+/// Whether a path ends in the extension, in upper or lower case.
 pub(crate) fn has_extension(path: &Path, wanted: &str) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
 }
