@@ -60,7 +60,7 @@ pub fn write_png(
     write_rgb8(output, size, &bytes)
 }
 
-/// The colour at a position from 0 to 1.
+/// The colour at a position from 0 to 1; positions outside are clamped.
 fn color(position: f64) -> [u8; 3] {
     if position.is_nan() {
         return NOT_A_NUMBER;

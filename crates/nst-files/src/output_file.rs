@@ -9,13 +9,13 @@ use tempfile::NamedTempFile;
 
 use crate::Error;
 
-/// What files of this crate say about the program that wrote them.
+/// The program that wrote a file, as the files of this crate name it.
 pub(crate) const SOFTWARE: &str = concat!("nst ", env!("CARGO_PKG_VERSION"));
 
-/// A file that is written under a temporary name beside its own and renamed by
-/// [`commit`]; dropped before that, it leaves no trace. A process that is
-/// killed leaves the temporary file, `.nst-….tmp`, and whatever the name stood for.
-/// Opening it before a long computation shows early whether the place can be written to.
+/// A file that is written under a temporary name in the folder of its own, and renamed by
+/// [`commit`]. If it is dropped before that, it is deleted. A process that is killed leaves
+/// the temporary file, `.nst-….tmp`, and the old file, if there was one. Opening an output
+/// before a long computation shows early whether it can be written.
 #[derive(Debug)]
 pub struct OutputFile {
     file: NamedTempFile,
@@ -25,7 +25,8 @@ pub struct OutputFile {
 }
 
 impl OutputFile {
-    /// Prepares to write `path`, whatever stands there; [`Outputs`](crate::output::Outputs) looks before.
+    /// Prepares to write `path`, whatever file is there now; [`Outputs::open`](crate::output::Outputs::open) checks
+    /// whether it may be replaced.
     ///
     /// # Errors
     /// [`Error::Io`] if `path` is a folder or a device, or if its folder cannot be
@@ -37,8 +38,8 @@ impl OutputFile {
             return Err(failed(std::io::ErrorKind::IsADirectory.into()));
         }
         if target.exists() && !target.is_file() {
-            // To rename a file over a device would take its place.
-            return Err(Error::output(path, "it is no ordinary file"));
+            // A file that is renamed to the name of a device replaces the device.
+            return Err(Error::output(path, "it is not an ordinary file"));
         }
         let mut builder = tempfile::Builder::new();
         builder.prefix(".nst-").suffix(".tmp");
@@ -70,7 +71,7 @@ impl OutputFile {
         self.file.as_file_mut()
     }
 
-    /// Puts the finished file in its place, over what was there.
+    /// Puts the finished file in its place; a file that was there is replaced.
     ///
     /// # Errors
     /// [`Error::Io`] if it cannot be stored or renamed.
@@ -79,16 +80,16 @@ impl OutputFile {
     }
 }
 
-/// Puts finished files in their places, over what was there: all are stored before the
-/// first gets its name, so that a full disk leaves every old file.
+/// Puts finished files in their places; files that were there are replaced. All are on the
+/// disk before the first is renamed, so that a full disk leaves every old file.
 ///
 /// # Errors
 /// [`Error::Io`] if one cannot be stored or renamed.
 pub fn commit(outputs: impl IntoIterator<Item = OutputFile>) -> Result<(), Error> {
     let outputs: Vec<OutputFile> = outputs.into_iter().collect();
     for output in &outputs {
-        // A disk may report late that it is full, and after a power failure the name must
-        // not stand for a file without content.
+        // A disk may report late that it is full; and after a power failure, the file must
+        // not be there without its content.
         let stored = output.file.as_file().sync_all();
         stored.map_err(|error| Error::io("write", &output.path, error))?;
     }
@@ -98,11 +99,12 @@ pub fn commit(outputs: impl IntoIterator<Item = OutputFile>) -> Result<(), Error
     Ok(())
 }
 
-/// What a path stands for: the file that a link leads to, whether it is there or not.
+/// Where a path leads: to the file behind a link, whether it exists or not.
 fn target(path: &Path) -> std::io::Result<PathBuf> {
     if path.is_symlink() {
         let link = std::fs::read_link(path)?;
-        // A link to a file that is there may lead on.
+        // A link may lead to further links; if the last leads to no file, the first is
+        // followed alone.
         return path.canonicalize().or_else(|_| Ok(folder_of(path).join(link)));
     }
     Ok(path.to_owned())

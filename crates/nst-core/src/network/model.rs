@@ -1,10 +1,11 @@
-//! What a network is: layers that fit each other, and what is known of their training.
+//! A network: layers that fit each other, and how they were trained.
 
 use ndarray::{Array1, Array2};
 
 use crate::Error;
 
-/// No layer may be wider than this; larger numbers are taken for damage.
+/// No layer may be wider than this. Its weights would take over 64 MiB; a file that says so
+/// is probably damaged.
 const MAX_WIDTH: usize = 4096;
 
 /// One fully connected layer: y = weight · x + bias.
@@ -37,8 +38,8 @@ pub struct Metadata {
     pub window: usize,
     /// The slope of the leaky ReLU for negative arguments.
     pub negative_slope: f32,
-    /// What it was trained on: `family:NAME`, or `scene:FINGERPRINT` with the
-    /// fingerprint of a scene, `NAME:HASH`.
+    /// What it was trained on: `family:NAME`, or `scene:FINGERPRINT` with the fingerprint
+    /// of a scene, as in `scene:cornell:v2:a736c0a254dc9a84`.
     pub trained_on: Vec<String>,
     /// The sample counts n it was trained on: first and last.
     pub samples: (u32, u32),
@@ -50,12 +51,12 @@ pub struct Metadata {
     pub epochs: u32,
     /// The seed of training.
     pub seed: u64,
-    /// The configuration of the training run, whole.
+    /// The configuration file of the training run, and which of its settings was used.
     pub config: String,
 }
 
 impl Metadata {
-    /// Whether the network was trained on the scene with this fingerprint, `NAME:HASH`.
+    /// Whether the network was trained on the scene with this fingerprint.
     #[must_use]
     pub fn trained_on_scene(&self, fingerprint: &str) -> bool {
         self.trained_on.iter().any(|it| it.strip_prefix("scene:") == Some(fingerprint))
@@ -124,7 +125,7 @@ impl Network {
         &self.metadata
     }
 
-    /// Multiplications and additions that one lane takes, without activations.
+    /// The number of multiplications and additions for one lane, without activations.
     #[must_use]
     pub fn flops_per_lane(&self) -> usize {
         self.layers.iter().map(|layer| 2 * layer.weight.len()).sum()

@@ -1,4 +1,4 @@
-//! What kind of file stands at a path, and whether `nst` wrote it.
+//! What kind of file is at a path, and whether `nst` wrote it.
 
 use std::{fs::File, io::Read, path::Path};
 
@@ -12,9 +12,9 @@ use crate::{
 /// Who chose the name of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Name {
-    /// The user: what stands there may be replaced.
+    /// The user: a file of the same kind may be replaced.
     Given,
-    /// The program: what stands there may be replaced if `nst` wrote it.
+    /// The program: a file of the same kind may be replaced if `nst` wrote it.
     Default,
 }
 
@@ -37,9 +37,9 @@ pub enum Kind {
 
 /// What was found at a path.
 struct Found {
-    /// `None`: of no kind that is written.
+    /// `None` for a kind that `nst` does not write.
     kind: Option<Kind>,
-    /// Whether `nst` says in it that it wrote it.
+    /// Whether the file says that `nst` wrote it.
     ours: bool,
 }
 
@@ -55,7 +55,7 @@ impl Kind {
         }
     }
 
-    /// Fails if a file stands at `path` that one of this kind must not replace.
+    /// Fails if there is a file at `path` that one of this kind must not replace.
     pub(super) fn check(self, path: &Path, name: Name) -> Result<(), Error> {
         match std::fs::metadata(path) {
             // Nothing is lost with an empty file.
@@ -68,12 +68,12 @@ impl Kind {
         if found.kind != Some(self) {
             let there = found.kind.map_or("another kind of file", Self::name);
             let message =
-                format!("{there} stands there, and this is {}; give another name", self.name());
+                format!("{there} is there, and this is {}; give another name", self.name());
             return Err(Error::output(path, message));
         }
         if name == Name::Default && !found.ours {
-            let message = "a file stands there that nst did not write; move it away, or choose \
-                           another name with --output";
+            let message =
+                "there is a file that nst did not write; to replace it, name it with --output";
             return Err(Error::output(path, message));
         }
         Ok(())
@@ -87,7 +87,7 @@ impl Found {
         let mut start = Vec::new();
         File::open(path).map_err(failed)?.take(1 << 12).read_to_end(&mut start).map_err(failed)?;
         if is_exr(path)? {
-            // One that is damaged may have been anything.
+            // Nobody knows what a damaged file was.
             let Ok(header) = ExrHeader::read(path) else {
                 return Ok(Self { kind: Some(Kind::Picture), ours: false });
             };
@@ -104,7 +104,7 @@ impl Found {
         if dataset::safetensors_format(path).is_ok_and(|format| format == dataset::FORMAT) {
             return Ok(Self { kind: Some(Kind::Dataset), ours: true });
         }
-        // Nothing in a text says who wrote it.
+        // A text does not say who wrote it.
         let text = String::from_utf8_lossy(&start);
         let first_line = text.lines().next().unwrap_or_default();
         let kind = if first_line.starts_with("# ") {

@@ -8,11 +8,12 @@ use crate::{Error, output_file::OutputFile};
 
 pub use kind::{Kind, Name};
 
-/// The outputs of a job, none of which may replace what the job reads, another output, or
-/// a file of another kind.
+/// The outputs of a job. None may replace an input of the job, another output, or a file of
+/// another kind.
 #[derive(Debug, Default)]
 pub struct Outputs {
-    /// Where inputs and outputs so far are, and what they are called in messages.
+    /// The inputs, and the outputs so far: where they are, the path as it was given, and
+    /// what messages call them.
     taken: Vec<(PathBuf, PathBuf, &'static str)>,
 }
 
@@ -21,7 +22,7 @@ impl Outputs {
     pub fn of_inputs<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>) -> Self {
         let place = |path: P| {
             let path = path.as_ref();
-            // What cannot be found cannot be replaced.
+            // A file that does not exist cannot be replaced.
             Some((path.canonicalize().ok()?, path.to_owned(), "an input"))
         };
         Self { taken: inputs.into_iter().filter_map(place).collect() }
@@ -35,9 +36,9 @@ impl Outputs {
     /// Prepares to write a file.
     ///
     /// # Errors
-    /// [`Error::Output`] if `path` is an input or another output, if a file of another
-    /// kind stands there, or if the name was not given and somebody else's file stands
-    /// there; [`Error::Io`] as for [`OutputFile::create`].
+    /// [`Error::Output`] if `path` is an input or another output, if a file of another kind
+    /// is there, or if the program chose the name and a file is there that `nst` did not
+    /// write; [`Error::Io`] as for [`OutputFile::create`].
     pub fn open(&mut self, path: &Path, kind: Kind, name: Name) -> Result<OutputFile, Error> {
         let output = OutputFile::create(path)?;
         let place = output.place();

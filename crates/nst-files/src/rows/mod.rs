@@ -1,9 +1,9 @@
-//! Single-part scanline EXR files, read and written some rows at a time, so that
-//! a picture with hundreds of channels need not fit the memory.
+//! Single-part scanline EXR files, read and written some rows at a time, so that a picture
+//! with hundreds of channels need not fit into memory.
 //!
-//! The exr crate parses headers and (de)compresses blocks. Where blocks lie in the
-//! file is read here, and every size is checked against the file's length before
-//! memory is asked for.
+//! The exr crate parses headers and (de)compresses blocks. This module reads where the
+//! blocks are in the file, and compares every size with the file's length before it
+//! allocates memory.
 
 mod parts;
 mod reader;

@@ -7,7 +7,7 @@ use exr::meta::attribute::SampleType;
 /// Bytes of a sample: the channels of these files are f32 or u32.
 pub(super) const SAMPLE: usize = 4;
 
-/// The value of an attribute.
+/// The value of an attribute, of the types that our files use.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Attribute {
     Text(String),

@@ -8,7 +8,7 @@ use crate::{ColorModel, Error, layers::layer_channels, rows::Channel};
 /// The version of the format that this module writes, and the only one it reads.
 pub(super) const VERSION: &str = "1";
 
-/// What a sequence file says about its lanes, and where they come from.
+/// What the header of a sequence file says.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SequenceInfo {
     /// Width and height in pixels.
@@ -19,15 +19,15 @@ pub struct SequenceInfo {
     pub sample_counts: Vec<u32>,
     /// The side channels, sorted.
     pub sides: Vec<Side>,
-    /// The scene's fingerprint, or nothing.
+    /// The scene's fingerprint; empty if unknown.
     pub scene: String,
-    /// The sampler's name, or nothing.
+    /// The sampler's name; empty if unknown.
     pub sampler: String,
     /// The seeds of the samples: one, several of a merged sequence, or none if unknown.
     pub seeds: Vec<u64>,
-    /// How long the rendering took.
+    /// How long the rendering took, in seconds; 0 if unknown.
     pub render_seconds: f32,
-    /// How the rendering can be continued; the file then holds its sums as well.
+    /// How the rendering can be continued; the file then contains its sums, too.
     pub resume: Option<ResumeInfo>,
 }
 
@@ -36,9 +36,9 @@ pub struct SequenceInfo {
 pub struct ResumeInfo {
     /// The terms to keep.
     pub keep: Keep,
-    /// How positions within a pixel are chosen, by the renderer's name for it.
+    /// The renderer's name for how it chooses positions within a pixel.
     pub pixel_filter: String,
-    /// The longest paths.
+    /// The most vertices of a path after the camera.
     pub max_depth: u32,
     /// Whether Russian roulette may end paths early.
     pub russian_roulette: bool,
@@ -51,7 +51,7 @@ impl SequenceInfo {
         self.sample_counts.last().copied().unwrap_or_default()
     }
 
-    /// Where the lanes lie.
+    /// The place of each lane in the picture.
     ///
     /// # Errors
     /// [`Error::Core`] if there are none, or too many.

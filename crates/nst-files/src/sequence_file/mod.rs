@@ -1,7 +1,8 @@
 //! Sequences as EXR files; `docs/sequence-exr.md` defines the format for others.
 //!
-//! R, G, B hold S_N; the layer `S0008` the term of 8 samples, and so on; `fold0` …
-//! and `Variance` the side channels; `state.…` what a rendering is continued from.
+//! R, G, B contain S_N; the layer `S0008` the term of 8 samples, and so on; `fold0` …,
+//! `Variance` and `Skipped` are the side channels; `state.…` is what a rendering is
+//! continued from.
 
 mod info;
 mod reader;

@@ -39,8 +39,8 @@ impl SequenceFile {
         Self::read_with(path, true)
     }
 
-    /// Reads what a rendering is continued from: all but folds and
-    /// variance, which the sums give again.
+    /// Reads what a rendering is continued from: all but folds and variance, which follow
+    /// from the sums.
     ///
     /// # Errors
     /// As [`SequenceFile::read`].
@@ -54,7 +54,7 @@ impl SequenceFile {
         let grid = info.grid()?;
         let mut terms = Vec::new();
         reserve(path, &mut terms, info.sample_counts.len(), grid.lanes())?;
-        // The sums give folds and variance again.
+        // Folds and variance follow from the sums.
         let wanted = |side: &Side| with_sides || !matches!(side, Side::Fold(_) | Side::Variance);
         let mut sides: Vec<(Side, Vec<f32>)> =
             info.sides.iter().filter(|side| wanted(side)).map(|s| (s.clone(), vec![])).collect();

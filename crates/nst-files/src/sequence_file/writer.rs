@@ -16,7 +16,7 @@ use crate::{
     rows::{Attribute, Attributes, RowWriter},
 };
 
-/// Writes a sequence whose rows come in order.
+/// Writes a sequence, some rows at a time, from the top.
 pub struct SequenceWriter<'a> {
     rows: RowWriter<'a>,
     info: SequenceInfo,
@@ -34,8 +34,8 @@ impl<'a> SequenceWriter<'a> {
         Ok(Self { rows, info: info.clone() })
     }
 
-    /// Appends rows, with their sums if [`SequenceInfo::resume`] is given. All but
-    /// the last rows of a file come in multiples of 16.
+    /// Appends rows, with their sums if [`SequenceInfo::resume`] is given. All calls but
+    /// the last need a multiple of 16 rows.
     ///
     /// # Errors
     /// [`Error::Mismatch`] if the rows are not what the header promises, [`Error::Io`]
@@ -55,7 +55,7 @@ impl<'a> SequenceWriter<'a> {
         let terms = (0..batch.sample_counts().len()).map(|k| batch.term(k));
         let sides = batch.sides().map(|(_, values)| values);
         let layers: Vec<_> = [batch.last()].into_iter().chain(terms).chain(sides).collect();
-        // The words of the state are made for a few rows at a time.
+        // The words of the state are made for a few rows at a time, to save memory.
         let step = (BLOCK_ROWS * self.info.size[0]) as usize * 2 * rayon::current_num_threads();
         for first in (0..pixels).step_by(step) {
             let part = first..pixels.min(first + step);
@@ -100,7 +100,8 @@ impl<'a> SequenceWriter<'a> {
         planes
     }
 
-    /// Completes the file, whose rows must all be there. The caller commits the output.
+    /// Completes the file; all its rows must have been pushed. The caller commits the
+    /// output.
     ///
     /// # Errors
     /// [`Error::Io`] if it cannot be written.
