@@ -2,7 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::{ArgGroup, Parser, Subcommand, ValueEnum};
+use clap::{
+    ArgGroup, Parser, Subcommand, ValueEnum,
+    builder::{PathBufValueParser, TypedValueParser},
+};
 use nst_core::{Network, methods::METHODS};
 use nst_files::output::Name;
 use nst_render::{PixelFilter, SamplerKind};
@@ -63,7 +66,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "sequence")]
     pub(crate) runs: Option<u32>,
     /// Also store the sequence, for `nst transform` and --resume.
-    #[arg(long, value_name = "EXR", value_parser = exr_path)]
+    #[arg(long, value_name = "EXR", value_parser = ending_in("exr"))]
     pub(crate) sequence: Option<PathBuf>,
     /// Continue the rendering of this sequence file, up to --spp. What the file says
     /// need not be repeated; without --sequence it is brought up to date.
@@ -103,7 +106,7 @@ pub(crate) struct TransformArgs {
     #[arg(value_name = "EXR")]
     pub(crate) sequence: PathBuf,
     /// Picture to write. [default: beside the sequence, ending in .nst.exr]
-    #[arg(short, long, value_name = "EXR", value_parser = exr_path)]
+    #[arg(short, long, value_name = "EXR", value_parser = ending_in("exr"))]
     pub(crate) output: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) method: MethodArgs,
@@ -164,7 +167,7 @@ pub(crate) struct MergeArgs {
     #[arg(value_name = "EXR", required = true)]
     pub(crate) files: Vec<PathBuf>,
     /// Sequence to write.
-    #[arg(short, long, value_name = "EXR", value_parser = exr_path)]
+    #[arg(short, long, value_name = "EXR", value_parser = ending_in("exr"))]
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) common: CommonArgs,
@@ -195,7 +198,7 @@ pub(crate) struct CompareArgs {
     #[arg(long, value_name = "NAME")]
     pub(crate) layer: Option<String>,
     /// Also draw each pixel's relative squared error: false colours, logarithmic.
-    #[arg(long, value_name = "PNG", value_parser = png_path)]
+    #[arg(long, value_name = "PNG", value_parser = ending_in("png"))]
     pub(crate) error_map: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) common: CommonArgs,
@@ -400,14 +403,12 @@ fn size(text: &str) -> Result<[u32; 2], String> {
         .ok_or_else(|| "a size is two numbers above 0, as in 512x512".to_owned())
 }
 
-fn exr_path(text: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
-    if has_extension(&path, "exr") { Ok(path) } else { Err("the name must end in .exr".to_owned()) }
-}
-
-fn png_path(text: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
-    if has_extension(&path, "png") { Ok(path) } else { Err("the name must end in .png".to_owned()) }
+/// Takes a path with an extension; file names need not be UTF-8.
+fn ending_in(extension: &'static str) -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(move |path| {
+        let fits = has_extension(&path, extension);
+        if fits { Ok(path) } else { Err(format!("the name must end in .{extension}")) }
+    })
 }
 
 /// Whether a path ends in the extension, whatever its case.
@@ -435,6 +436,7 @@ mod tests {
         assert_eq!(transform("cornell"), Ok(TransformArg::Builtin("cornell")));
         assert_eq!(transform("levin-u"), Ok(TransformArg::Method("levin-u")));
         assert!(transform("Cornell").is_err_and(|error| error.contains("families")));
-        assert!(exr_path("x.png").is_err());
+        let transform = |output| Args::try_parse_from(["nst", "transform", "s.exr", "-o", output]);
+        assert!(transform("x.EXR").is_ok() && transform("x.png").is_err());
     }
 }

@@ -51,9 +51,12 @@ pub(crate) fn print(report: &dyn Report, common: &CommonArgs) -> Result<(), Erro
     }
 }
 
-/// Tells people something while a job is under way.
-pub(crate) fn say(text: &str, common: &CommonArgs) -> Result<(), Error> {
-    if common.json || common.quiet { Ok(()) } else { write(text) }
+/// Tells people something while a job is under way. Where it cannot be written, the job
+/// goes on: the report fails in the same way, when the files are there.
+pub(crate) fn say(text: &str, common: &CommonArgs) {
+    if !(common.json || common.quiet) {
+        let _ = write(text);
+    }
 }
 
 /// Writes lines to standard output. A reader who has heard enough, such as `head`, is no

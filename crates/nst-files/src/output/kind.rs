@@ -63,8 +63,8 @@ impl Kind {
             return Err(Error::output(path, message));
         }
         if name == Name::Default && !found.ours {
-            let message = "a file stands there that nst did not write; to replace it, name it \
-                           with --output";
+            let message = "a file stands there that nst did not write; give another name with \
+                           --output, or move that file away";
             return Err(Error::output(path, message));
         }
         Ok(())
@@ -95,12 +95,17 @@ impl Found {
         if dataset::safetensors_format(path).is_ok_and(|format| format == dataset::FORMAT) {
             return Ok(Self { kind: Some(Kind::Dataset), ours: true });
         }
-        // Nothing in a text says who wrote it.
+        // Nothing in a text says who wrote it. Scenes begin with remarks, too, so that its
+        // name must agree.
+        let named =
+            |wanted: &str| path.extension().is_some_and(|it| it.eq_ignore_ascii_case(wanted));
         let text = String::from_utf8_lossy(&start);
         let first_line = text.lines().next().unwrap_or_default();
-        let kind = if first_line.starts_with("# ") {
+        let is_table =
+            first_line.contains(',') && !text.contains(['\0', char::REPLACEMENT_CHARACTER]);
+        let kind = if first_line.starts_with("# ") && named("md") {
             Some(Kind::Markdown)
-        } else if first_line.contains(',') && !text.contains(['\0', char::REPLACEMENT_CHARACTER]) {
+        } else if is_table && named("csv") {
             Some(Kind::Csv)
         } else {
             None
@@ -137,21 +142,24 @@ mod tests {
     #[test]
     fn other_kinds_are_not_replaced() -> Result<(), Box<dyn std::error::Error>> {
         let folder = tempfile::tempdir()?;
-        let path = folder.path().join("x");
-        let open = |kind, name| Outputs::default().open(&path, kind, name).map(drop);
-        for (content, allowed) in [
-            ("", &[Kind::Picture, Kind::Csv, Kind::Dataset][..]),
-            ("method,spp\nS,1\n", &[Kind::Csv]),
-            ("# Stability\n", &[Kind::Markdown]),
-            ("v 1 2 3\n", &[]),
-            ("a,\0b", &[]),
+        for (file, content, allowed) in [
+            ("x", "", &[Kind::Picture, Kind::Csv, Kind::Dataset][..]),
+            ("x.csv", "method,spp\nS,1\n", &[Kind::Csv]),
+            ("x.md", "# Stability\n", &[Kind::Markdown]),
+            ("x.obj", "# Blender 4.2, of a box\nv 1 2 3\n", &[]),
+            ("x.toml", "size = [1, 2]\n", &[]),
+            ("x.csv", "a,\0b", &[]),
         ] {
+            let path = folder.path().join(file);
+            let open = |kind, name| Outputs::default().open(&path, kind, name).map(drop);
             std::fs::write(&path, content)?;
             for kind in [Kind::Picture, Kind::Csv, Kind::Markdown, Kind::Dataset] {
                 let allowed = content.is_empty() || allowed.contains(&kind);
                 assert_eq!(open(kind, Name::Given).is_ok(), allowed, "{kind:?} over {content:?}");
             }
         }
+        let path = folder.path().join("x");
+        let open = |kind, name| Outputs::default().open(&path, kind, name).map(drop);
         for written in [Kind::Picture, Kind::Png] {
             std::fs::remove_file(&path)?;
             write(&path, written)?;
