@@ -99,19 +99,30 @@ impl Found {
         // name must agree.
         let named =
             |wanted: &str| path.extension().is_some_and(|it| it.eq_ignore_ascii_case(wanted));
-        let text = String::from_utf8_lossy(&start);
+        let text = text_at(&start);
         let first_line = text.lines().next().unwrap_or_default();
-        let is_table =
-            first_line.contains(',') && !text.contains(['\0', char::REPLACEMENT_CHARACTER]);
         let kind = if first_line.starts_with("# ") && named("md") {
             Some(Kind::Markdown)
-        } else if is_table && named("csv") {
+        } else if first_line.contains(',') && named("csv") {
             Some(Kind::Csv)
         } else {
             None
         };
         Ok(Self { kind, ours: false })
     }
+}
+
+/// The text that a file begins with; nothing if it is no text.
+fn text_at(start: &[u8]) -> &str {
+    let text = match std::str::from_utf8(start) {
+        Ok(text) => text,
+        // The last character may go on beyond what was read.
+        Err(error) if error.error_len().is_none() => {
+            std::str::from_utf8(&start[..error.valid_up_to()]).unwrap_or_default()
+        }
+        Err(_) => "",
+    };
+    if text.contains('\0') { "" } else { text }
 }
 
 /// Whether a text names this program, in any version.
@@ -149,6 +160,7 @@ mod tests {
             ("x.obj", "# Blender 4.2, of a box\nv 1 2 3\n", &[]),
             ("x.toml", "size = [1, 2]\n", &[]),
             ("x.csv", "a,\0b", &[]),
+            ("x.csv", "scene,spp\n\u{fffd},1\n", &[Kind::Csv]),
         ] {
             let path = folder.path().join(file);
             let open = |kind, name| Outputs::default().open(&path, kind, name).map(drop);
@@ -169,6 +181,15 @@ mod tests {
             }
         }
         Ok(())
+    }
+
+    #[test]
+    fn text_may_be_cut_within_a_character() {
+        for (start, expected) in
+            [(&b"a,\xc3"[..], "a,"), (b"a,\xc3\xa4", "a,ä"), (b"a,\xff", ""), (b"a,\0", "")]
+        {
+            assert_eq!(text_at(start), expected);
+        }
     }
 
     /// A texture in the model's folder, say.

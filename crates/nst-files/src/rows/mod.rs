@@ -10,7 +10,7 @@ mod writer;
 
 use std::collections::BTreeMap;
 
-use exr::meta::attribute::SampleType;
+use exr::meta::attribute::{SampleType, Text};
 
 pub(crate) use reader::{RowReader, Rows};
 pub(crate) use writer::RowWriter;
@@ -24,6 +24,11 @@ pub(crate) enum Attribute {
     Text(String),
     I32(i32),
     F32(f32),
+}
+
+/// The value of a text attribute: EXR's are UTF-8, but some files have Latin-1.
+pub(crate) fn text(value: &Text) -> String {
+    String::from_utf8(value.as_slice().to_vec()).unwrap_or_else(|_| value.to_string())
 }
 
 /// Attributes by name.
@@ -69,7 +74,7 @@ mod tests {
                 write(&path, size, &planes, written).expect("it can be written");
                 let mut reader = RowReader::open(&path).expect("it can be read");
                 assert_eq!(reader.size(), size);
-                assert_eq!(reader.attribute("x"), Some(Attribute::Text("µ, ?".into())));
+                assert_eq!(reader.attribute("x"), Some(Attribute::Text("µ, β".into())));
                 let names: Vec<String> = reader.channels().map(|(name, _)| name).collect();
                 assert_eq!(names, ["a", "b", "c"]);
                 let mut found = vec![Vec::new(); 3];
@@ -84,6 +89,13 @@ mod tests {
                 }
                 assert_eq!(found, planes);
             }
+        }
+    }
+
+    #[test]
+    fn text_is_read_as_utf_8_or_latin_1() {
+        for (bytes, expected) in [(&b"\xc2\xb5"[..], "µ"), (b"\xb5", "µ"), (b"", "")] {
+            assert_eq!(text(&Text::from_slice_unchecked(bytes)), expected);
         }
     }
 

@@ -77,7 +77,7 @@ impl RowReader {
     /// An attribute that is not one of EXR's own.
     pub(crate) fn attribute(&self, name: &str) -> Option<Attribute> {
         match self.header().own_attributes.other.get(&Text::new_or_none(name)?)? {
-            AttributeValue::Text(text) => Some(Attribute::Text(text.to_string())),
+            AttributeValue::Text(text) => Some(Attribute::Text(super::text(text))),
             AttributeValue::I32(number) => Some(Attribute::I32(*number)),
             AttributeValue::F32(number) => Some(Attribute::F32(*number)),
             _ => None,
