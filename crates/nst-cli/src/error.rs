@@ -12,7 +12,7 @@ pub(crate) enum Error {
     #[error(transparent)]
     Files(#[from] nst_files::Error),
     #[error(transparent)]
-    Core(#[from] nst_core::Error),
+    Core(nst_core::Error),
     #[error("weights '{}': {source}", path.display())]
     Weights { path: PathBuf, source: nst_core::Error },
     #[error("cannot write '{}': {source}", path.display())]
@@ -35,6 +35,16 @@ pub(crate) enum Error {
     /// The command line is wrong; the exit code is 2.
     #[error("{0}")]
     Usage(String),
+}
+
+impl From<nst_core::Error> for Error {
+    fn from(error: nst_core::Error) -> Self {
+        match error {
+            // Without --backend gpu, the CPU takes over.
+            nst_core::Error::Gpu(_) | nst_core::Error::NoAdapter(_) => Self::Gpu(error),
+            error => Self::Core(error),
+        }
+    }
 }
 
 impl Error {

@@ -11,7 +11,7 @@ use nst_core::{
 use crate::{
     args::{BackendArg, MethodArgs, TransformArg},
     error::Error,
-    fallback::{Adapter, Fallback},
+    fallback::{Adapter, Fallback, caught},
 };
 
 /// The last terms that a rendering keeps if the method reads no more: the window of the
@@ -139,7 +139,7 @@ impl Method {
         let transform: Box<dyn Transform> = match backend {
             BackendArg::Cpu => Box::new(cpu),
             BackendArg::Gpu => {
-                let (name, mlp) = on_gpu(AdapterKind::Any).map_err(Error::Gpu)?;
+                let (name, mlp) = caught(|| on_gpu(AdapterKind::Any)).map_err(Error::Gpu)?;
                 adapter = Adapter::new(name);
                 Box::new(mlp)
             }

@@ -51,9 +51,12 @@ pub(crate) fn print(report: &dyn Report, common: &CommonArgs) -> Result<(), Erro
     }
 }
 
-/// Tells people something while a job is running.
-pub(crate) fn say(text: &str, common: &CommonArgs) -> Result<(), Error> {
-    if common.json || common.quiet { Ok(()) } else { write(text) }
+/// Tells people something while a job is running. Where it cannot be written, the job
+/// goes on: the report fails in the same way, when the files are complete.
+pub(crate) fn say(text: &str, common: &CommonArgs) {
+    if !(common.json || common.quiet) {
+        let _ = write(text);
+    }
 }
 
 /// Writes lines to standard output. A reader that closes the pipe early, as `head` does,

@@ -5,9 +5,12 @@ mod common;
 use std::path::Path;
 
 use common::{Bench, cornell, read_layer};
-use nst_core::methods::METHODS;
-use nst_files::sequence_file::SequenceFile;
+use nst_core::{Strips, methods::METHODS};
+use nst_files::sequence_file::{SequenceFile, SequenceReader};
 use safetensors::SafeTensors;
+
+/// A model without materials, lights or a camera.
+const PYRAMID: &str = "v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nv 0 1.5 0\nf 1 2 3 4\nf 1 5 2\nf 2 5 3\nf 3 5 4\nf 4 5 -5\n";
 
 fn picture(path: &Path) -> Vec<f32> {
     read_layer(path, "").1
@@ -134,10 +137,29 @@ fn a_stored_sequence_holds_what_was_asked_for() {
     assert_eq!(all.batch.sides().count(), 5);
 }
 
+/// These methods learn from the whole picture, which `nst transform` reads strip by strip.
+#[test]
+fn a_sequence_of_several_strips_gives_the_picture_of_its_rendering() {
+    let bench = Bench::new();
+    bench.write("pyramid.obj", PYRAMID);
+    let render = "render --scene pyramid.obj --spp 8 --size 800x640 --max-depth 2 --quiet";
+    for (method, store) in [("ridge", "--sequence seq.exr"), ("prior-mean", "")] {
+        bench.succeed(&format!("{render} --transform {method} -o direct.exr {store}"));
+        bench.succeed(&format!("transform seq.exr --transform {method} -o stored.exr --quiet"));
+        let [direct, stored] = ["direct.exr", "stored.exr"].map(|name| picture(&bench.path(name)));
+        assert!(direct.iter().map(|x| x.to_bits()).eq(stored.iter().map(|x| x.to_bits())));
+        assert!(direct != read_layer(&bench.path("direct.exr"), "S").1, "{method} does nothing");
+    }
+    // Smaller pictures are one strip.
+    let mut reader = SequenceReader::open(&bench.path("seq.exr")).expect("a sequence");
+    let strip = reader.next_strip().expect("it is sound").expect("a strip").into_owned();
+    assert!(strip.grid().expect("a picture").rows() < 640, "one strip: this test is blind");
+}
+
 #[test]
 fn any_obj_renders_without_sidecar_material_or_light() {
     let bench = Bench::new();
-    bench.write("pyramid.obj", "v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nv 0 1.5 0\nf 1 2 3 4\nf 1 5 2\nf 2 5 3\nf 3 5 4\nf 4 5 -5\n");
+    bench.write("pyramid.obj", PYRAMID);
     let said = bench.succeed("render --scene pyramid.obj --spp 8 --size 32x32");
     for word in ["bounding box", "grey material", "white environment", "transform  none"] {
         assert!(said.contains(word), "'{word}' is not in:\n{said}");

@@ -13,7 +13,7 @@ use exr::{
     prelude::{Compression, SampleType},
 };
 
-use crate::{Error, limits::MOST_DEFLATED};
+use crate::{Error, limits::MOST_DEFLATED, rows::text};
 
 /// The first bytes of every EXR file: 20000630, little-endian.
 const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
@@ -243,7 +243,7 @@ fn part(header: &RawHeader) -> Part {
     });
     let attributes = header.all_named_attributes().filter_map(|(name, value)| {
         let value = match value {
-            AttributeValue::Text(text) => text.to_string(),
+            AttributeValue::Text(value) => text(&value),
             AttributeValue::I32(number) => number.to_string(),
             AttributeValue::F32(number) => number.to_string(),
             AttributeValue::F64(number) => number.to_string(),

@@ -14,8 +14,8 @@ pub(crate) use bench::{Bench, BenchArgs, BenchSceneArgs, BenchStabilityArgs};
 pub(crate) use method::{BackendArg, MethodArgs, TransformArg};
 pub(crate) use pack::{PackArgs, PackAs};
 pub(crate) use render::{IntegratorArg, KeepArg, RenderArgs};
+use values::ending_in;
 pub(crate) use values::has_extension;
-use values::{exr_path, png_path};
 
 /// Monte Carlo renderings that converge faster: neural sequence transformation.
 #[derive(Debug, Parser)]
@@ -59,7 +59,7 @@ pub(crate) struct TransformArgs {
     #[arg(value_name = "EXR")]
     pub(crate) sequence: PathBuf,
     /// Picture to write. [default: beside the sequence, ending in .nst.exr]
-    #[arg(short, long, value_name = "EXR", value_parser = exr_path)]
+    #[arg(short, long, value_name = "EXR", value_parser = ending_in("exr"))]
     pub(crate) output: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) method: MethodArgs,
@@ -74,7 +74,7 @@ pub(crate) struct MergeArgs {
     #[arg(value_name = "EXR", required = true)]
     pub(crate) files: Vec<PathBuf>,
     /// Sequence to write.
-    #[arg(short, long, value_name = "EXR", value_parser = exr_path)]
+    #[arg(short, long, value_name = "EXR", value_parser = ending_in("exr"))]
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) common: CommonArgs,
@@ -106,7 +106,7 @@ pub(crate) struct CompareArgs {
     pub(crate) layer: Option<String>,
     /// Also write a picture of each pixel's relative squared error, in false colours on a
     /// logarithmic scale.
-    #[arg(long, value_name = "PNG", value_parser = png_path)]
+    #[arg(long, value_name = "PNG", value_parser = ending_in("png"))]
     pub(crate) error_map: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) common: CommonArgs,

@@ -6,7 +6,10 @@ use clap::{ArgGroup, ValueEnum};
 use nst_files::output::Name;
 use nst_render::{PixelFilter, SamplerKind};
 
-use super::{CommonArgs, MethodArgs, exr_path, has_extension, values::size};
+use super::{
+    CommonArgs, MethodArgs, has_extension,
+    values::{ending_in, size},
+};
 use crate::error::Error;
 
 /// Render a scene, transform each pixel's sequence, write EXR and PNG.
@@ -28,7 +31,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "sequence")]
     pub(crate) runs: Option<u32>,
     /// Also store the sequence, for `nst transform` and --resume.
-    #[arg(long, value_name = "EXR", value_parser = exr_path)]
+    #[arg(long, value_name = "EXR", value_parser = ending_in("exr"))]
     pub(crate) sequence: Option<PathBuf>,
     /// Continue the rendering of this sequence file, up to --spp. Options that the file
     /// sets can be left out. Without --sequence, the file itself is replaced by the longer

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::builder::{PathBufValueParser, TypedValueParser};
+
 pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
     text.split_once('x')
         .and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]))
@@ -9,14 +11,12 @@ pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
         .ok_or_else(|| "a size is two numbers above 0, as in 512x512".to_owned())
 }
 
-pub(super) fn exr_path(text: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
-    if has_extension(&path, "exr") { Ok(path) } else { Err("the name must end in .exr".to_owned()) }
-}
-
-pub(super) fn png_path(text: &str) -> Result<PathBuf, String> {
-    let path = PathBuf::from(text);
-    if has_extension(&path, "png") { Ok(path) } else { Err("the name must end in .png".to_owned()) }
+/// Takes a path with an extension; file names need not be UTF-8.
+pub(super) fn ending_in(extension: &'static str) -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(move |path| {
+        let fits = has_extension(&path, extension);
+        if fits { Ok(path) } else { Err(format!("the name must end in .{extension}")) }
+    })
 }
 
 /// Whether a path ends in the extension, in upper or lower case.
@@ -26,7 +26,10 @@ pub(crate) fn has_extension(path: &Path, wanted: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use clap::Parser;
+
     use super::*;
+    use crate::args::Args;
 
     #[test]
     fn sizes_and_paths() {
@@ -34,6 +37,7 @@ mod tests {
         for bad in ["640", "640x", "0x3", "-1x3", "1x2x3"] {
             assert!(size(bad).is_err(), "{bad}");
         }
-        assert!(exr_path("x.png").is_err());
+        let transform = |output| Args::try_parse_from(["nst", "transform", "s.exr", "-o", output]);
+        assert!(transform("x.EXR").is_ok() && transform("x.png").is_err());
     }
 }

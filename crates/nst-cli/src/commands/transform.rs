@@ -12,6 +12,7 @@ use nst_files::{
 use crate::{
     args::TransformArgs,
     error::Error,
+    fallback::caught,
     method::{Method, Origin},
     summary::{LaneCounts, Stopwatch, Summary, TimedStrips, timed},
 };
@@ -65,7 +66,7 @@ fn write(
     let mut lanes = LaneCounts::default();
     strips.rewind(method.transform.requires().halo())?;
     while let Some(strip) = strips.next_strip()? {
-        timed(&mut watch.transform, || fitted.apply(&strip, &mut estimates))?;
+        timed(&mut watch.transform, || caught(|| fitted.apply(&strip, &mut estimates)))?;
         lanes.add(&estimates);
         let [last, variance] = [Some(strip.last()), strip.side(&Side::Variance)]
             .map(|values| values.map(|values| inner(&strip, values)));

@@ -1,12 +1,18 @@
 //! Runs the `nst` binary in a folder of its own.
 
 use std::{
+    collections::BTreeMap,
+    ffi::OsString,
     path::{Path, PathBuf},
     process::{Command, Output},
+    time::SystemTime,
 };
 
 use nst_files::picture::Picture;
 use tempfile::TempDir;
+
+/// By name: whether it is a link, when it was written, and the content.
+pub(crate) type Snapshot = BTreeMap<OsString, (bool, SystemTime, Vec<u8>)>;
 
 /// A temporary folder in which `nst` runs.
 pub(crate) struct Bench {
@@ -35,6 +41,37 @@ impl Bench {
         let mut names: Vec<_> = entries.map(name).collect();
         names.sort();
         names
+    }
+
+    /// All that is in the folder: what each name stands for, when it was written, and what
+    /// it contains, through links.
+    pub(crate) fn snapshot(&self) -> Snapshot {
+        let entries = std::fs::read_dir(self.folder.path()).expect("the temporary folder");
+        let entry = |entry: std::io::Result<std::fs::DirEntry>| {
+            let path = entry.expect("an entry").path();
+            let metadata = path.symlink_metadata().expect("it is there");
+            let written = metadata.modified().expect("file systems know");
+            let content = std::fs::read(&path).unwrap_or_default();
+            (
+                path.file_name().expect("a name").to_owned(),
+                (metadata.is_symlink(), written, content),
+            )
+        };
+        entries.map(entry).collect()
+    }
+
+    /// Runs `nst`, which must refuse: exit code 2, one error that contains all of `words`,
+    /// and a folder in which nothing has changed.
+    pub(crate) fn refuses(&self, args: &str, words: &[&str]) {
+        let before = self.snapshot();
+        let output = self.nst(args);
+        let stderr = String::from_utf8(output.stderr).expect("UTF-8");
+        assert_eq!(output.status.code(), Some(2), "nst {args}\n{stderr}");
+        assert_eq!(stderr.matches("error:").count(), 1, "nst {args}\n{stderr}");
+        for word in words {
+            assert!(stderr.contains(word), "nst {args}\n'{word}' is not in: {stderr}");
+        }
+        assert!(self.snapshot() == before, "nst {args}: a file has changed");
     }
 
     /// Runs `nst` with arguments separated by spaces.

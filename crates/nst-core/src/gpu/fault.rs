@@ -17,6 +17,8 @@ pub(super) enum Fault {
     Memory,
     /// The device is lost after the first submission.
     Lost,
+    /// The driver panics.
+    Panic,
 }
 
 #[cfg(feature = "fault-injection")]
@@ -29,6 +31,7 @@ pub(super) fn wanted() -> Option<Fault> {
         "shader" => Fault::Shader,
         "memory" => Fault::Memory,
         "lost" => Fault::Lost,
+        "panic" => Fault::Panic,
         _ => panic!("NST_FAULT={name}: no such fault"),
     })
 }

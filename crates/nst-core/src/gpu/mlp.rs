@@ -167,6 +167,7 @@ impl MlpGpu {
         let sets = out.len().div_ceil(chunk).min(2);
         let mut buffers = self.gpu.call(|| match fault {
             Some(Fault::Memory) => Err(self.gpu.error("it is out of memory")),
+            Some(Fault::Panic) => panic!("the driver panics"),
             _ => Ok(self.take_buffers(sets, chunk)),
         })?;
         self.gpu.call(|| self.stream(&mut buffers, chunk, window, selection, out, fault))?;

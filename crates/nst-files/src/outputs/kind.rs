@@ -72,8 +72,8 @@ impl Kind {
             return Err(Error::output(path, message));
         }
         if name == Name::Default && !found.ours {
-            let message =
-                "there is a file that nst did not write; to replace it, name it with --output";
+            let message = "there is a file that nst did not write; move it away, or choose \
+                           another name with --output";
             return Err(Error::output(path, message));
         }
         Ok(())
@@ -104,18 +104,34 @@ impl Found {
         if dataset::safetensors_format(path).is_ok_and(|format| format == dataset::FORMAT) {
             return Ok(Self { kind: Some(Kind::Dataset), ours: true });
         }
-        // A text does not say who wrote it.
-        let text = String::from_utf8_lossy(&start);
+        // A text does not say who wrote it. Scenes begin with remarks, too: the name must
+        // agree.
+        let named =
+            |wanted: &str| path.extension().is_some_and(|it| it.eq_ignore_ascii_case(wanted));
+        let text = text_at(&start);
         let first_line = text.lines().next().unwrap_or_default();
-        let kind = if first_line.starts_with("# ") {
+        let kind = if first_line.starts_with("# ") && named("md") {
             Some(Kind::Markdown)
-        } else if first_line.contains(',') && !text.contains(['\0', char::REPLACEMENT_CHARACTER]) {
+        } else if first_line.contains(',') && named("csv") {
             Some(Kind::Csv)
         } else {
             None
         };
         Ok(Self { kind, ours: false })
     }
+}
+
+/// The text that a file begins with; nothing if it is no text.
+fn text_at(start: &[u8]) -> &str {
+    let text = match std::str::from_utf8(start) {
+        Ok(text) => text,
+        // The last character may go on beyond what was read.
+        Err(error) if error.error_len().is_none() => {
+            std::str::from_utf8(&start[..error.valid_up_to()]).unwrap_or_default()
+        }
+        Err(_) => "",
+    };
+    if text.contains('\0') { "" } else { text }
 }
 
 /// Whether a text names this program, in any version.
@@ -142,21 +158,25 @@ mod tests {
     #[test]
     fn other_kinds_are_not_replaced() -> Result<(), Box<dyn std::error::Error>> {
         let folder = tempfile::tempdir()?;
-        let path = folder.path().join("x");
-        let open = |kind, name| Outputs::default().open(&path, kind, name).map(drop);
-        for (content, allowed) in [
-            ("", &[Kind::Picture, Kind::Csv, Kind::Dataset][..]),
-            ("method,spp\nS,1\n", &[Kind::Csv]),
-            ("# Stability\n", &[Kind::Markdown]),
-            ("v 1 2 3\n", &[]),
-            ("a,\0b", &[]),
+        for (file, content, allowed) in [
+            ("x", "", &[Kind::Picture, Kind::Csv, Kind::Dataset][..]),
+            ("x.csv", "method,spp\nS,1\n", &[Kind::Csv]),
+            ("x.md", "# Stability\n", &[Kind::Markdown]),
+            ("x.obj", "# Blender 4.2, of a box\nv 1 2 3\n", &[]),
+            ("x.toml", "size = [1, 2]\n", &[]),
+            ("x.csv", "a,\0b", &[]),
+            ("x.csv", "scene,spp\n\u{fffd},1\n", &[Kind::Csv]),
         ] {
+            let path = folder.path().join(file);
+            let open = |kind, name| Outputs::default().open(&path, kind, name).map(drop);
             std::fs::write(&path, content)?;
             for kind in [Kind::Picture, Kind::Csv, Kind::Markdown, Kind::Dataset] {
                 let allowed = content.is_empty() || allowed.contains(&kind);
                 assert_eq!(open(kind, Name::Given).is_ok(), allowed, "{kind:?} over {content:?}");
             }
         }
+        let path = folder.path().join("x");
+        let open = |kind, name| Outputs::default().open(&path, kind, name).map(drop);
         for written in [Kind::Picture, Kind::Png] {
             std::fs::remove_file(&path)?;
             write(&path, written)?;
@@ -166,6 +186,15 @@ mod tests {
             }
         }
         Ok(())
+    }
+
+    #[test]
+    fn text_may_be_cut_within_a_character() {
+        for (start, expected) in
+            [(&b"a,\xc3"[..], "a,"), (b"a,\xc3\xa4", "a,ä"), (b"a,\xff", ""), (b"a,\0", "")]
+        {
+            assert_eq!(text_at(start), expected);
+        }
     }
 
     /// A texture in the model's folder, say.

@@ -9,7 +9,7 @@ mod parts;
 mod reader;
 mod writer;
 
-pub(crate) use parts::{Attribute, Attributes, Channel};
+pub(crate) use parts::{Attribute, Attributes, Channel, text};
 pub(crate) use reader::{RowReader, Rows};
 pub(crate) use writer::RowWriter;
 
@@ -17,7 +17,7 @@ pub(crate) use writer::RowWriter;
 mod tests {
     use std::path::Path;
 
-    use exr::meta::attribute::SampleType;
+    use exr::meta::attribute::{SampleType, Text};
 
     use super::*;
     use crate::{Error, output_file::OutputFile};
@@ -52,7 +52,7 @@ mod tests {
                 write(&path, size, &planes, written).expect("it can be written");
                 let mut reader = RowReader::open(&path).expect("it can be read");
                 assert_eq!(reader.size(), size);
-                assert_eq!(reader.attribute("x"), Some(Attribute::Text("µ, ?".into())));
+                assert_eq!(reader.attribute("x"), Some(Attribute::Text("µ, β".into())));
                 let names: Vec<String> = reader.channels().map(|(name, _)| name).collect();
                 assert_eq!(names, ["a", "b", "c"]);
                 let mut found = vec![Vec::new(); 3];
@@ -67,6 +67,13 @@ mod tests {
                 }
                 assert_eq!(found, planes);
             }
+        }
+    }
+
+    #[test]
+    fn text_is_read_as_utf_8_or_latin_1() {
+        for (bytes, expected) in [(&b"\xc2\xb5"[..], "µ"), (b"\xb5", "µ"), (b"", "")] {
+            assert_eq!(text(&Text::from_slice_unchecked(bytes)), expected);
         }
     }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use exr::meta::attribute::SampleType;
+use exr::meta::attribute::{SampleType, Text};
 
 /// Bytes of a sample: the channels of these files are f32 or u32.
 pub(super) const SAMPLE: usize = 4;
@@ -13,6 +13,11 @@ pub(crate) enum Attribute {
     Text(String),
     I32(i32),
     F32(f32),
+}
+
+/// The value of a text attribute: EXR's are UTF-8, but some files have Latin-1.
+pub(crate) fn text(value: &Text) -> String {
+    String::from_utf8(value.as_slice().to_vec()).unwrap_or_else(|_| value.to_string())
 }
 
 /// Attributes by name.

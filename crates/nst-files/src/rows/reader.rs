@@ -21,7 +21,7 @@ use exr::{
 };
 use rayon::prelude::*;
 
-use super::parts::{Attribute, Channel, SAMPLE};
+use super::parts::{Attribute, Channel, SAMPLE, text};
 use crate::{Error, limits::MOST_DEFLATED};
 
 /// Reads a file row by row.
@@ -77,7 +77,7 @@ impl RowReader {
     /// An attribute that is not one of EXR's own.
     pub(crate) fn attribute(&self, name: &str) -> Option<Attribute> {
         match self.header().own_attributes.other.get(&Text::new_or_none(name)?)? {
-            AttributeValue::Text(text) => Some(Attribute::Text(text.to_string())),
+            AttributeValue::Text(value) => Some(Attribute::Text(text(value))),
             AttributeValue::I32(number) => Some(Attribute::I32(*number)),
             AttributeValue::F32(number) => Some(Attribute::F32(*number)),
             _ => None,

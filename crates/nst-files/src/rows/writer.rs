@@ -182,7 +182,9 @@ fn header<'a>(
         LayerAttributes { software_name: Some(Text::from(SOFTWARE)), ..Default::default() };
     for (name, value) in attributes {
         let value = match value {
-            Attribute::Text(text) => AttributeValue::Text(latin1(&text)),
+            Attribute::Text(text) => {
+                AttributeValue::Text(Text::from_slice_unchecked(text.as_bytes()))
+            }
             Attribute::I32(number) => AttributeValue::I32(number),
             Attribute::F32(number) => AttributeValue::F32(number),
         };
@@ -194,7 +196,7 @@ fn header<'a>(
         .with_attributes(layer)
 }
 
-/// EXR stores text as Latin-1; other characters become question marks.
+/// The exr crate takes names for Latin-1; other characters become question marks.
 fn latin1(text: &str) -> Text {
     Text::new_or_none(text).unwrap_or_else(|| {
         let replaced: String =

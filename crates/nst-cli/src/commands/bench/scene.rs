@@ -19,6 +19,7 @@ use serde::Serialize;
 use crate::{
     args::{BenchSceneArgs, TransformArg},
     error::Error,
+    fallback::caught,
     method::{DEFAULT_WINDOW, Method, Origin},
     summary::timed,
 };
@@ -158,7 +159,9 @@ impl<'a> Bench<'a> {
     ) -> Result<SceneRow<'r>, Error> {
         let (mut transform, mut io) = (Duration::ZERO, self.loading);
         let mut estimates = Estimates::default();
-        timed(&mut transform, || method.transform.transform(&rendering.batch, &mut estimates))?;
+        timed(&mut transform, || {
+            caught(|| method.transform.transform(&rendering.batch, &mut estimates))
+        })?;
         timed(&mut io, || write_and_drop(&self.scene, &estimates))?;
         let error = metrics::error(estimates.values(), &self.reference)?;
         Ok(SceneRow {

@@ -38,7 +38,7 @@ pub(super) fn run(args: &RenderArgs, runs: u32) -> Result<Done, Error> {
     let path = args.output(&scene.name)?;
     let output = outputs(args, &scene).open(&path, Kind::Dataset, args.output_name())?;
     interrupt::watch()?;
-    describe(&scene, args.spp, &args.common)?;
+    describe(&scene, args.spp, &args.common);
     let done = write(args, runs, &scene, &settings, output)?;
     let report =
         Report { runs: done, files: vec![path.display().to_string()], notes: scene.notes.clone() };

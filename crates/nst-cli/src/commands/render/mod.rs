@@ -65,7 +65,7 @@ fn load_scene(args: &RenderArgs, stored: Option<&SequenceInfo>) -> Result<Scene,
 }
 
 /// Tells the user what will be rendered.
-fn describe(scene: &Scene, spp: u32, common: &CommonArgs) -> Result<(), Error> {
+fn describe(scene: &Scene, spp: u32, common: &CommonArgs) {
     let lights = scene.triangles.iter().filter(|t| scene.materials[t.material as usize].emits());
     let mut lines = format!(
         "scene      {}: {} triangles, {} of them lights, {} materials\n",
@@ -82,7 +82,7 @@ fn describe(scene: &Scene, spp: u32, common: &CommonArgs) -> Result<(), Error> {
         "film       {width}x{height}, {spp} spp, paths of up to {} vertices",
         scene.max_depth
     );
-    say(&lines, common)
+    say(&lines, common);
 }
 
 /// A bar on a terminal, nothing in a pipe.

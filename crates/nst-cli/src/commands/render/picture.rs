@@ -58,9 +58,9 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
 
     interrupt::watch()?;
     let start = timed(&mut watch.io, || resumed.map(Resumed::read).transpose())?;
-    describe(&job.scene, args.spp, &args.common)?;
+    describe(&job.scene, args.spp, &args.common);
     if let Some(start) = &start {
-        say(&format!("resumed    from {} spp", start.samples), &args.common)?;
+        say(&format!("resumed    from {} spp", start.samples), &args.common);
     }
     job.render(watch, method, &settings, files, start)
 }

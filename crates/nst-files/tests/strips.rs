@@ -1,0 +1,206 @@
+//! Strip by strip, every method gives the bits that it gives in memory.
+
+use std::path::Path;
+
+use ndarray::Array2;
+use nst_core::{
+    Error as CoreError, Estimates, FOLDS, Fitted, Grid, MlpCpu, Network, Requirements,
+    SequenceBatch, Side, Status, Strips, Support, Transform, methods, random::SplitMix64,
+};
+use nst_files::{
+    ColorModel,
+    output::OutputFile,
+    sequence_file::{SequenceFile, SequenceInfo, SequenceReader},
+};
+
+type Checked = Result<(), Box<dyn std::error::Error>>;
+
+/// Four strips of 32 rows, and then one of 9.
+const SIZE: [u32; 2] = [31, 137];
+
+const TERMS: usize = 16;
+
+/// Heights of strips: the least, some, all but nine rows, and the whole picture.
+const STRIP_ROWS: [u32; 5] = [16, 32, 64, 128, 137];
+
+/// Noisy sequences that fall towards limits of all magnitudes: what is summed over them
+/// depends on the order in which it is summed.
+fn sequence() -> SequenceFile {
+    let model = ColorModel::Rgb;
+    let [width, height] = SIZE;
+    let grid = Grid::new(width, height, 3, 0).expect("a grid");
+    let mut random = SplitMix64(7);
+    let lanes: Vec<[f64; TERMS]> = (0..grid.lanes())
+        .map(|_| {
+            let limit = (8.0 * random.uniform() - 4.0).exp2();
+            let mut sum = 0.0;
+            std::array::from_fn(|k| {
+                sum += limit * (0.5 + random.uniform());
+                sum / (k + 1) as f64
+            })
+        })
+        .collect();
+    let terms = Array2::from_shape_fn((TERMS, lanes.len()), |(k, lane)| lanes[lane][k] as f32);
+    let counts: Vec<u32> = (1..=TERMS as u32).collect();
+    let mut batch = SequenceBatch::new(terms, counts.clone()).expect("a batch");
+    batch.set_grid(grid).expect("its lanes");
+    for fold in 0..FOLDS {
+        // One in ten has seen a firefly.
+        let mut mean = |lane: &[f64; TERMS]| {
+            let firefly = if random.uniform() < 0.1 { 50.0 } else { 1.0 };
+            lane[TERMS - 1] * (0.5 + random.uniform()) * firefly
+        };
+        let means = lanes.iter().map(|lane| mean(lane) as f32).collect();
+        batch.set_side(Side::Fold(fold as u8), means).expect("a fold");
+    }
+    let variances = lanes.iter().map(|lane| (lane[0] * random.uniform()) as f32).collect();
+    batch.set_side(Side::Variance, variances).expect("the variance");
+    let info = SequenceInfo {
+        size: SIZE,
+        model,
+        sample_counts: counts,
+        sides: batch.sides().map(|(side, _)| side.clone()).collect(),
+        scene: String::new(),
+        sampler: String::new(),
+        seeds: Vec::new(),
+        render_seconds: 0.0,
+        resume: None,
+    };
+    SequenceFile { info, batch, sums: None }
+}
+
+fn write(file: &SequenceFile, path: &Path) -> Checked {
+    let mut output = OutputFile::create(path)?;
+    file.write(&mut output)?;
+    Ok(output.commit()?)
+}
+
+/// The bits of all estimates, planar, their statuses, and the number of strips.
+type Whole = (Vec<u32>, Vec<Status>, usize);
+
+/// Fits and applies a method as `nst transform` does.
+fn by_strips(method: &dyn Transform, mut reader: SequenceReader) -> Result<Whole, CoreError> {
+    let [width, height] = SIZE.map(|length| length as usize);
+    let fitted = method.fit(&mut reader)?;
+    reader.rewind(method.requires().halo())?;
+    let mut bits = vec![0; 3 * width * height];
+    let mut status = vec![Status::Ok; bits.len()];
+    let (mut row, mut strips) = (0, 0);
+    let mut out = Estimates::default();
+    while let Some(strip) = reader.next_strip()? {
+        fitted.apply(&strip, &mut out)?;
+        let inner = strip.grid().expect("strips of a file have one").inner_rows().len() * width;
+        assert_eq!(out.values().len(), 3 * inner, "without the halo");
+        for channel in 0..3 {
+            let to = channel * width * height + row * width;
+            for i in 0..inner {
+                bits[to + i] = out.values()[channel * inner + i].to_bits();
+                status[to + i] = out.status()[channel * inner + i];
+            }
+        }
+        (row, strips) = (row + inner / width, strips + 1);
+    }
+    assert_eq!(row, height);
+    Ok((bits, status, strips))
+}
+
+/// Compares strips of every height with the batch in memory, which `method` must not leave
+/// as it is.
+fn check(name: &str, method: &dyn Transform) -> Checked {
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("seq.exr");
+    let file = sequence();
+    write(&file, &path)?;
+    let mut whole = Estimates::default();
+    method.transform(&file.batch, &mut whole)?;
+    assert!(whole.values() != file.batch.last(), "{name} leaves all as it is");
+    let expected: Vec<u32> = whole.values().iter().map(|x| x.to_bits()).collect();
+    for rows in STRIP_ROWS {
+        let reader = SequenceReader::open(&path)?.with_strip_rows(rows);
+        let (bits, status, strips) = by_strips(method, reader)?;
+        assert_eq!(strips, SIZE[1].div_ceil(rows) as usize);
+        assert!(bits == expected, "{name}: other estimates in strips of {rows} rows");
+        assert!(status == whole.status(), "{name}: other statuses in strips of {rows} rows");
+    }
+    Ok(())
+}
+
+#[test]
+fn every_method_gives_the_bits_that_it_gives_in_memory() -> Checked {
+    for &name in methods::METHODS {
+        let method = methods::method(name).expect("it is listed");
+        check(name, &*method)?;
+    }
+    let network = Network::builtin("families").expect("it is in the crate")?;
+    check("families", &MlpCpu::new(network))
+}
+
+/// The mean over the pixels around a pixel, in the same channel: the simplest method that
+/// looks at neighbours.
+struct Blur;
+
+/// The same, but for a halo that it forgets to ask for.
+struct WithoutHalo;
+
+impl Fitted for Blur {
+    fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), CoreError> {
+        let grid = strip.grid().expect("strips of a picture have one");
+        let (width, rows) = (grid.width(), grid.rows());
+        let mut values = Vec::new();
+        for channel in 0..grid.channels() {
+            for y in grid.inner_rows() {
+                for x in 0..width {
+                    let (mut sum, mut count) = (0.0, 0);
+                    for y in y.saturating_sub(1)..rows.min(y + 2) {
+                        let row = &strip.last()[grid.lanes_of(channel, y..y + 1)];
+                        for &value in &row[x.saturating_sub(1)..width.min(x + 2)] {
+                            (sum, count) = (sum + value, count + 1);
+                        }
+                    }
+                    values.push(sum / count as f32);
+                }
+            }
+        }
+        *out = estimates(values)?;
+        Ok(())
+    }
+}
+
+/// Estimates of other crates than nst-core are what the identity makes of a batch.
+fn estimates(values: Vec<f32>) -> Result<Estimates, CoreError> {
+    let terms = Array2::from_shape_vec((1, values.len()), values).expect("one row");
+    let mut out = Estimates::default();
+    nst_core::Identity.transform(&SequenceBatch::new(terms, vec![1])?, &mut out)?;
+    Ok(out)
+}
+
+impl Transform for Blur {
+    fn requires(&self) -> Requirements {
+        Requirements { support: Support::Radius(1), ..Requirements::of_lane(1) }
+    }
+
+    fn fit<'a>(&'a self, _: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, CoreError> {
+        Ok(Box::new(self))
+    }
+}
+
+impl Transform for WithoutHalo {
+    fn requires(&self) -> Requirements {
+        Requirements::of_lane(1)
+    }
+
+    fn fit<'a>(&'a self, _: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, CoreError> {
+        Ok(Box::new(Blur))
+    }
+}
+
+#[test]
+fn a_method_that_looks_at_neighbours_sees_them_beyond_its_strip() -> Checked {
+    check("blur", &Blur)
+}
+
+#[test]
+#[should_panic(expected = "other estimates in strips of 16 rows")]
+fn neighbours_that_are_missing_are_noticed() {
+    check("without a halo", &WithoutHalo).expect("it runs");
+}
