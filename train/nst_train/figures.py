@@ -81,7 +81,7 @@ def make(paper: Path, page: str, svgs: Path) -> tuple[str, list[str], list[str]]
 
 
 def check(paper: Path, page_path: Path) -> None:
-    """Raises an error where an SVG or a table is not what the CSV files give."""
+    """Raises an error where an SVG or a table is not the one that the CSV files give."""
     page = page_path.read_text(encoding="utf-8")
     with tempfile.TemporaryDirectory() as folder:
         made, drawn, _ = make(paper, page, Path(folder))

@@ -23,7 +23,11 @@ from nst_train.errors import UserError
 from nst_train.sequences import Sequences
 
 MAP_N = 32
+"""The n of error maps: the last one of the rendered experiments, as in the paper's figure 5."""
+
 DENOISED_N = (8, 16, 32)
+"""The n in figure 7."""
+
 COLOR_MAP = "magma"
 
 
