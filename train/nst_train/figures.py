@@ -87,7 +87,7 @@ def check(paper: Path, page_path: Path) -> None:
         made, drawn, _ = make(paper, page, Path(folder))
         stored = sorted(path.stem for path in paper.glob("*.svg"))
         if stored != sorted(drawn):
-            raise UserError(f"{paper}: holds {stored}, but its CSV files give {sorted(drawn)}")
+            raise UserError(f"{paper}: contains {stored}, but its CSV files give {sorted(drawn)}")
         for name in drawn:
             path = paper / f"{name}.svg"
             if path.read_bytes() != (Path(folder) / path.name).read_bytes():

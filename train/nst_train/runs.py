@@ -55,7 +55,7 @@ def claim(out: Path, config: configs.Config) -> None:
         path = out / name
         if path.is_file() and path.read_text(encoding="utf-8") != text:
             raise UserError(
-                f"{path}: {out} holds a run of another config or setting; "
+                f"{path}: {out} contains a run of another config or setting; "
                 "give another --out, or delete that folder"
             )
         path.write_text(text, encoding="utf-8")
