@@ -53,7 +53,7 @@ fn sequences(bench: &Bench) {
 #[test]
 fn a_rendering_does_not_replace_the_files_of_its_scene() {
     let bench = scenes();
-    let (_, weights) = nst_core::BUILTIN[0];
+    let weights = nst_core::Network::builtins().next().expect("there are networks").file();
     bench.write("w.safetensors", weights);
     let cases = [
         // The picture and its PNG are named after the scene, as is the texture.

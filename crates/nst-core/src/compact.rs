@@ -11,7 +11,7 @@ use crate::Status;
 #[cfg(feature = "gpu")]
 use crate::{Error, Estimates};
 
-/// Lanes that one task of the thread pool classifies: a few µs of work.
+/// Lanes that one task of the thread pool classifies: 512 KiB of a window of eight terms.
 #[cfg(feature = "gpu")]
 const CLASSIFY: usize = 1 << 14;
 

@@ -1,4 +1,4 @@
-//! Whether a rendering fits the memory, before it begins.
+//! Checks whether a rendering fits into memory, before it begins.
 
 use bytemuck::Zeroable;
 use nst_core::LaneSums;
@@ -10,7 +10,7 @@ use crate::{
 };
 
 /// Bytes that a rendering of a size keeps: the terms and the sums of each lane. Side
-/// channels, made at the end, take the place of what the tracer needs before.
+/// channels are made at the end, when the memory of the tracer is free again.
 pub(crate) fn needed(size: [u32; 2], settings: &RenderSettings) -> u128 {
     let pixels = u128::from(size[0]) * u128::from(size[1]);
     pixels * bytes_per_pixel(settings)
@@ -21,7 +21,7 @@ fn bytes_per_pixel(settings: &RenderSettings) -> u128 {
     CHANNELS as u128 * (slots * size_of::<f32>() as u128 + size_of::<LaneSums>() as u128)
 }
 
-/// Fails if a rendering needs more memory than the machine has to give.
+/// Fails if a rendering needs more memory than is free.
 pub(crate) fn check(size: [u32; 2], settings: &RenderSettings) -> Result<(), Error> {
     let Some(available) = available() else { return Ok(()) };
     let needed = needed(size, settings);
@@ -29,7 +29,7 @@ pub(crate) fn check(size: [u32; 2], settings: &RenderSettings) -> Result<(), Err
         return Ok(());
     }
     let pixels = u128::from(available) / bytes_per_pixel(settings);
-    // Of the same shape.
+    // The largest picture of the same shape.
     let share = (pixels as f64 / (f64::from(size[0]) * f64::from(size[1]))).sqrt();
     let [width, height] = size.map(|length| (f64::from(length) * share).floor() as u64);
     let mut advice = format!("{width}x{height} pixels would fit");

@@ -1,5 +1,5 @@
-//! Renders a scene in passes over the picture: between two of them a rendering can stop,
-//! and be continued later.
+//! Renders a scene in passes over the picture. After each, a rendering can stop, and be
+//! continued later.
 
 use std::{
     ops::Range,
@@ -19,7 +19,7 @@ use crate::{
     tiles::Tile,
 };
 
-/// What a rendering says and is told as it goes along.
+/// How a rendering reports its progress, and how it is stopped.
 #[derive(Clone, Copy)]
 pub struct Control<'a> {
     /// Is called with the number of paths of each tile that is done.
@@ -28,11 +28,13 @@ pub struct Control<'a> {
     pub stop: &'a (dyn Fn() -> bool + Sync),
 }
 
-/// Samples of each pixel of a tile that are traced side by side.
+/// Samples of each pixel of a tile that are traced side by side: 2048 paths of a tile,
+/// enough to fill packets of sixteen.
 const BATCH: u32 = 8;
 
-/// Paths of a pass, but for small and large pictures: enough for the end of a pass, at
-/// which threads wait for each other, not to count.
+/// The paths of a pass, unless that is less than one sample per pixel, or more than
+/// [`MOST_SPP_PER_PASS`]. Threads wait for each other at the end of a pass: after a million
+/// paths, this time does not matter.
 const PATHS_PER_PASS: u64 = 1 << 20;
 
 /// The most samples of a pixel in a pass: Ctrl-C ends a rendering after one.
@@ -53,13 +55,13 @@ pub fn render(
     render_from(None, scene, settings, Control { progress, stop: &|| false })
 }
 
-/// Renders from where an earlier rendering of the same scene and settings ended,
-/// but for the number of samples: the result is that of [`render()`], to the bit.
-/// If it is told to stop, its last term tells the samples that were reached.
+/// Continues an earlier rendering of the same scene with the same settings, except for the
+/// number of samples: all bits of the result are those of [`render()`]. If it is stopped,
+/// the last sample count of the result says how many samples there are.
 ///
 /// # Errors
-/// As [`render()`]; and if `start` does not have fewer samples or has another size
-/// or other terms.
+/// As [`render()`]; and if `start` has as many samples already, another size, or other
+/// terms.
 pub fn render_from(
     start: Option<Rendering>,
     scene: &Scene,
@@ -102,8 +104,8 @@ impl<'a> Frame<'a> {
         }
     }
 
-    /// Goes over the picture from the sample number `first` until each pixel has `spp`
-    /// samples, or until it is told to stop. Returns how many each pixel has.
+    /// Renders passes from the sample number `first` on, until each pixel has `spp`
+    /// samples, or until `control` stops it. Returns the number of samples of each pixel.
     fn trace_passes(
         &self,
         first: u32,
@@ -118,7 +120,8 @@ impl<'a> Frame<'a> {
         let mut n = first;
         loop {
             let pass = n..spp.min(n.saturating_add(step));
-            // Tiles differ in cost: none waits behind another while a thread is idle.
+            // Tiles differ in cost: each is a task of its own, so that no thread is idle
+            // while tiles wait.
             tiles.par_iter_mut().with_max_len(1).for_each(|(tile, film)| {
                 let thread = rayon::current_thread_index().unwrap_or_default();
                 let workspace = workspaces[thread].lock();

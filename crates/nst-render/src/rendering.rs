@@ -9,12 +9,12 @@ use crate::SamplerKind;
 /// Channels of a picture: R, G and B.
 pub(crate) const CHANNELS: usize = 3;
 
-/// How to render, as opposed to what.
+/// How to render a scene.
 #[derive(Clone, Copy, Debug)]
 pub struct RenderSettings {
     /// Samples per pixel, at least 1.
     pub spp: u32,
-    /// Which numbers to draw.
+    /// The sampler: random numbers, or a Halton sequence.
     pub sampler: SamplerKind,
     /// Seed of the sampler; different seeds give independent renderings.
     pub seed: u64,
@@ -31,10 +31,10 @@ pub struct Rendering {
     pub batch: SequenceBatch,
     /// What the rendering can be continued from, `[lane]`.
     pub sums: Vec<LaneSums>,
-    /// How long it took, from the loaded scene.
+    /// How long it took, without loading the scene.
     pub time: Duration,
-    /// How much of that went into what paths need of the scene: the acceleration
-    /// structure, and tables for lights and materials.
+    /// The part of that time in which the acceleration structure, and tables for lights and
+    /// materials, were built.
     pub build_time: Duration,
 }
 
