@@ -31,6 +31,7 @@ mod tiles;
 pub use camera::{Camera, PixelFilter};
 pub use error::Error;
 pub use material::{Disney, Material, Scattering};
+pub use memory::check_memory;
 pub use render::{Control, RenderSettings, Rendering, render, render_from};
 pub use sampler::{SampleStream, Sampler, SamplerKind};
 pub use scene::{Environment, Scene, Triangle};
