@@ -2,6 +2,8 @@
 
 mod common;
 
+use std::time::{Duration, Instant};
+
 use common::{Bench, cornell};
 use nst_files::{output::OutputFile, sequence_file::SequenceFile};
 
@@ -149,6 +151,60 @@ fn command_lines() {
     // Only the network sets a lower bound on spp.
     fails(&bench, "render --scene x.obj --spp 7 --transform cornell", 2, &["--spp 8", "none"]);
     fails(&bench, "render --scene x.obj --size 60000x60000", 1, &["too many"]);
+}
+
+/// They are refused before anything is allocated, and before the first sample.
+#[cfg(target_os = "linux")]
+#[test]
+fn renderings_that_no_memory_can_contain() {
+    let bench = Bench::new();
+    bench.write("x.obj", TRIANGLE);
+    bench.succeed("render --scene x.obj --spp 4 --size 8x8 --keep all --sequence s.exr -q");
+    let all = "--keep all --sequence seq.exr";
+    let begin = Instant::now();
+    for (args, words) in [
+        (format!("--spp 4000000000 --size 16000x16000 {all}"), ["GiB of memory", "would fit"]),
+        ("--spp 4000000000 --size 16000x16000 --runs 2".to_owned(), ["GiB of memory", "would fit"]),
+        (
+            format!("--spp 4294967295 --size 8x8 {all}"),
+            ["GiB of memory", "stored terms of each pixel would fit"],
+        ),
+        (
+            "--spp 4294967295 --resume s.exr".to_owned(),
+            ["GiB of memory", "stored terms of each pixel would fit"],
+        ),
+        (
+            "--spp 4294967295 --size 8x8 --runs 4000000000".to_owned(),
+            ["GiB of memory", "stored terms of each pixel would fit"],
+        ),
+        ("--spp 8 --size 4294967295x4294967295".to_owned(), ["4294967295x4294967295", "too many"]),
+    ] {
+        fails(&bench, &format!("render --scene x.obj {args}"), 1, &words);
+    }
+    // One rendering alone would take hours; to refuse them all takes milliseconds.
+    assert!(begin.elapsed() < Duration::from_secs(5));
+}
+
+#[test]
+fn seeds_that_leave_no_room_for_runs() {
+    let bench = Bench::new();
+    bench.write("x.obj", TRIANGLE);
+    bench.succeed("render --scene x.obj --spp 1 --size 4x4 -o ref.exr -q");
+    let (last, runs) = (u64::MAX, ["--runs 1", "--runs 4294967295"]);
+    let scene = "bench scene --scene x.obj --reference ref.exr --spp 1 -o t.csv";
+    for (args, seed, runs) in [
+        ("render --scene x.obj --spp 1 --size 4x4", last, runs[0]),
+        ("render --scene x.obj --spp 1 --size 4x4", last - 1, runs[1]),
+        (scene, last, runs[0]),
+        (scene, last - 1, runs[1]),
+    ] {
+        let words =
+            [&*format!("--seed {seed}"), "leaves no room", runs.trim_start_matches("--runs ")];
+        fails(&bench, &format!("{args} --seed {seed} {runs}"), 2, &words);
+    }
+    // A seed alone may be the last.
+    bench.succeed(&format!("render --scene x.obj --spp 1 --size 4x4 -q --seed {last}"));
+    bench.succeed(&format!("{scene} --runs 1 -q --seed {}", last - 1));
 }
 
 #[test]

@@ -5,9 +5,13 @@ mod common;
 use std::path::Path;
 
 use common::{Bench, cornell, read_layer};
-use nst_core::Side;
-use nst_core::metrics;
-use nst_files::sequence_file::SequenceFile;
+use ndarray::Array2;
+use nst_core::{Extent, Grid, SequenceBatch, Side, metrics};
+use nst_files::{
+    ColorModel,
+    output::OutputFile,
+    sequence_file::{SequenceFile, SequenceInfo},
+};
 use serde_json::Value;
 
 fn json(text: &str) -> Value {
@@ -204,4 +208,98 @@ fn merged_variances_are_true() {
     // Thousands of lanes; the few at the light's edge weigh most.
     let ratio = squares / variances;
     assert!((0.8..1.25).contains(&ratio), "{ratio}");
+}
+
+/// A sequence of one sample of 4×3 pixels with some side channels; sides of pixels are
+/// numbers that count up from the seed.
+fn write_sequence(path: &Path, seed: u64, sides: &[Side]) {
+    let grid = Grid::new(4, 3, 3, 0).expect("a grid");
+    let terms = Array2::from_shape_fn((1, grid.lanes()), |(_, lane)| lane as f32 + seed as f32);
+    let mut batch = SequenceBatch::new(terms, vec![1]).expect("a batch");
+    batch.set_grid(grid).expect("its lanes");
+    for side in sides {
+        let length = if side.extent() == Extent::Pixel { grid.pixels() } else { grid.lanes() };
+        let values = (0..length).map(|i| (seed + i as u64) as f32).collect();
+        batch.set_side(side.clone(), values).expect("its values");
+    }
+    let info = SequenceInfo {
+        size: [4, 3],
+        model: ColorModel::Rgb,
+        sample_counts: vec![1],
+        sides: batch.sides().map(|(side, _)| side.clone()).collect(),
+        scene: "x".into(),
+        sampler: "random".into(),
+        seeds: vec![seed],
+        render_seconds: 0.0,
+        resume: None,
+    };
+    let mut output = OutputFile::create(path).expect("a file");
+    SequenceFile { info, batch, sums: None }.write(&mut output).expect("it can be written");
+    output.commit().expect("it can be renamed");
+}
+
+/// Samples that were left out are counted, and none is not told: 0 in the other files.
+#[test]
+fn merged_files_have_the_sum_of_what_was_skipped() {
+    let bench = Bench::new();
+    for (name, seed, sides) in [
+        ("a.exr", 1, &[][..]),
+        ("b.exr", 2, &[Side::Skipped]),
+        ("c.exr", 3, &[Side::Skipped]),
+        ("other.exr", 4, &[Side::Other("depth".into())]),
+    ] {
+        write_sequence(&bench.path(name), seed, sides);
+    }
+    let skipped = |files: &str| -> Vec<f32> {
+        bench.succeed(&format!("merge {files} -o m.exr -q"));
+        let merged = sequence(&bench.path("m.exr")).batch;
+        assert_eq!(merged.sides().count(), 1, "{files}");
+        merged.side(&Side::Skipped).expect("a number per pixel").to_vec()
+    };
+    let of_pixels =
+        |value: fn(u16) -> u16| (0..12).map(|i| f32::from(value(i))).collect::<Vec<_>>();
+    assert_eq!(skipped("a.exr b.exr"), of_pixels(|i| 2 + i));
+    assert_eq!(skipped("b.exr a.exr"), of_pixels(|i| 2 + i));
+    assert_eq!(skipped("b.exr a.exr c.exr"), of_pixels(|i| 5 + 2 * i));
+    // Nothing says how to merge what is not known, be it in all files or in one.
+    for files in ["a.exr other.exr", "other.exr b.exr"] {
+        let output = bench.nst(&format!("merge {files} -o new.exr"));
+        let stderr = String::from_utf8(output.stderr).expect("UTF-8");
+        assert_eq!(output.status.code(), Some(1), "{stderr}");
+        for word in ["'other.exr'", "'depth'", "not known how to merge"] {
+            assert!(stderr.contains(word), "{files}: '{word}' is not in: {stderr}");
+        }
+        assert!(!bench.path("new.exr").exists());
+    }
+}
+
+/// Renderings of a farm may be many more than the files that a process may open.
+#[cfg(unix)]
+#[test]
+fn more_sequences_are_merged_than_files_may_be_open() {
+    const FILES: u64 = 300;
+    let bench = Bench::new();
+    let names: Vec<String> = (0..FILES).map(|seed| format!("s{seed:03}.exr")).collect();
+    (0..).zip(&names).for_each(|(seed, name)| write_sequence(&bench.path(name), seed, &[]));
+    let limited = |script: &str| {
+        let script = format!("ulimit -n 64; {script}");
+        let mut command = std::process::Command::new("sh");
+        command.args(["-c", &script, env!("CARGO_BIN_EXE_nst")]).current_dir(bench.path(""));
+        command.output().expect("sh runs")
+    };
+    for job in [
+        "merge s*.exr -o m.exr",
+        "pack s*.exr --as samples --spp 1 -o p.exr",
+        "pack s*.exr --as runs -o d.safetensors",
+        "compare s*.exr s000.exr",
+    ] {
+        let output = limited(&format!("exec \"$0\" {job} --quiet"));
+        assert!(output.status.success(), "{job}: {}", String::from_utf8_lossy(&output.stderr));
+    }
+    let merged = sequence(&bench.path("m.exr"));
+    assert_eq!(merged.info.seeds, Vec::from_iter(0..FILES));
+    assert_eq!(merged.info.sample_counts, [FILES as u32]);
+    // The mean of 0 … 299, and the lane.
+    assert_eq!(merged.batch.last()[..3], [149.5, 150.5, 151.5]);
+    assert_eq!(limited("ulimit -n").stdout, b"64\n", "no limit: this test is blind");
 }

@@ -42,7 +42,7 @@ impl Film {
         let grid = Grid::new(size[0], size[1], CHANNELS as u32, 0)
             .map_err(|error| Error::Settings(error.to_string()))?;
         let slots = Slots::new(settings.keep, settings.spp);
-        memory::check(size, settings)?;
+        memory::check_memory(size, settings)?;
         let skipped = vec![Skipped::new(); tiles::tiles(size).count()];
         let needed = memory::needed(size, settings);
         Ok(Self {

@@ -32,6 +32,7 @@ mod tiles;
 pub use camera::{Camera, PixelFilter};
 pub use error::Error;
 pub use material::{Disney, Material, Scattering};
+pub use memory::check_memory;
 pub use render::{Control, render, render_from};
 pub use rendering::{RenderSettings, Rendering};
 pub use sampler::{SampleStream, Sampler, SamplerKind};

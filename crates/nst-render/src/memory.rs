@@ -1,7 +1,7 @@
 //! Checks whether a rendering fits into memory, before it begins.
 
 use bytemuck::Zeroable;
-use nst_core::LaneSums;
+use nst_core::{FOLDS, LaneSums};
 
 use crate::{
     Error,
@@ -9,8 +9,8 @@ use crate::{
     slots::Slots,
 };
 
-/// Bytes that a rendering of a size keeps: the terms and the sums of each lane. Side
-/// channels are made at the end, when the memory of the tracer is free again.
+/// Bytes that a rendering of a size takes: for each lane its terms and sums, and at the end
+/// the fold means and the variance.
 pub(crate) fn needed(size: [u32; 2], settings: &RenderSettings) -> u128 {
     let pixels = u128::from(size[0]) * u128::from(size[1]);
     pixels * bytes_per_pixel(settings)
@@ -18,28 +18,46 @@ pub(crate) fn needed(size: [u32; 2], settings: &RenderSettings) -> u128 {
 
 fn bytes_per_pixel(settings: &RenderSettings) -> u128 {
     let slots = Slots::new(settings.keep, settings.spp).count() as u128;
-    CHANNELS as u128 * (slots * size_of::<f32>() as u128 + size_of::<LaneSums>() as u128)
+    let sides = FOLDS as u128 + 1;
+    CHANNELS as u128 * ((slots + sides) * size_of::<f32>() as u128 + size_of::<LaneSums>() as u128)
 }
 
-/// Fails if a rendering needs more memory than is free.
-pub(crate) fn check(size: [u32; 2], settings: &RenderSettings) -> Result<(), Error> {
+/// Fails if a rendering needs more memory than is free, before anything is allocated;
+/// [`render`](crate::render()) checks this, too.
+///
+/// # Errors
+/// [`Error::Memory`], with what would fit.
+pub fn check_memory(size: [u32; 2], settings: &RenderSettings) -> Result<(), Error> {
     let Some(available) = available() else { return Ok(()) };
     let needed = needed(size, settings);
     if needed <= u128::from(available) {
         return Ok(());
     }
-    let pixels = u128::from(available) / bytes_per_pixel(settings);
-    // The largest picture of the same shape.
-    let share = (pixels as f64 / (f64::from(size[0]) * f64::from(size[1]))).sqrt();
-    let [width, height] = size.map(|length| (f64::from(length) * share).floor() as u64);
-    let mut advice = format!("{width}x{height} pixels would fit");
-    let least = RenderSettings { spp: 1, ..*settings };
-    if self::needed(size, &least) <= u128::from(available) {
-        let spare = u128::from(available) - self::needed(size, &least);
-        let plane = needed_per_term(size);
-        advice += &format!(", or {} stored terms of each pixel", 1 + spare / plane);
-    }
+    let advice = advice(size, settings, available.into());
     Err(Error::Memory { needed: gib(needed), available: gib(available.into()), advice })
+}
+
+/// What would fit: a picture of the same shape, or fewer terms, or else both.
+fn advice(size: [u32; 2], settings: &RenderSettings, available: u128) -> String {
+    let fitting = |settings: &RenderSettings| {
+        let pixels = available / bytes_per_pixel(settings);
+        let share = (pixels as f64 / (f64::from(size[0]) * f64::from(size[1]))).sqrt();
+        size.map(|length| (f64::from(length) * share).floor() as u64)
+    };
+    let least = RenderSettings { spp: 1, ..*settings };
+    let mut ways = Vec::new();
+    let [width, height] = fitting(settings);
+    if width * height > 0 {
+        ways.push(format!("{width}x{height} pixels"));
+    }
+    if let Some(spare) = available.checked_sub(needed(size, &least)) {
+        ways.push(format!("{} stored terms of each pixel", 1 + spare / needed_per_term(size)));
+    }
+    if ways.is_empty() {
+        let [width, height] = fitting(&least);
+        ways.push(format!("{width}x{height} pixels with one stored term each"));
+    }
+    ways.join(", or ") + " would fit"
 }
 
 fn needed_per_term(size: [u32; 2]) -> u128 {
@@ -67,4 +85,27 @@ fn available() -> Option<u64> {
         line.split_whitespace().nth(1)?.parse().ok()
     };
     Some((kibibytes("MemAvailable:")? + kibibytes("SwapFree:").unwrap_or(0)) * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use nst_core::Keep;
+
+    use super::*;
+    use crate::SamplerKind;
+
+    /// In 128 MiB; a lane takes 4 bytes for each term and side channel, and 40 for its sums.
+    #[test]
+    fn what_would_fit_is_neither_nothing_nor_too_much() {
+        for (size, spp, expected) in [
+            ([4000, 1000], 8, "1394x348 pixels would fit"),
+            ([16, 16], 2_000_000, "2x2 pixels, or 43675 stored terms of each pixel would fit"),
+            ([16, 16], 4_000_000_000, "43675 stored terms of each pixel would fit"),
+            ([16000, 16000], 4_000_000_000, "836x836 pixels with one stored term each would fit"),
+        ] {
+            let settings =
+                RenderSettings { spp, sampler: SamplerKind::Random, seed: 0, keep: Keep::All };
+            assert_eq!(advice(size, &settings, 1 << 27), expected);
+        }
+    }
 }

@@ -6,7 +6,7 @@ use nst_files::{
     dataset::{DatasetInfo, DatasetWriter},
     output::{Kind, OutputFile},
 };
-use nst_render::{Control, RenderSettings, Scene, render_from};
+use nst_render::{Control, RenderSettings, Scene, check_memory, render_from};
 use serde::Serialize;
 
 use super::{describe, load_scene, outputs, paths, progress_bar, settings};
@@ -37,6 +37,8 @@ pub(super) fn run(args: &RenderArgs, runs: u32) -> Result<Done, Error> {
     let scene = load_scene(args, None)?;
     let path = args.output(&scene.name)?;
     let output = outputs(args, &scene).open(&path, Kind::Dataset, args.output_name())?;
+    // Before its terms are counted.
+    check_memory(scene.size, &settings)?;
     interrupt::watch()?;
     describe(&scene, args.spp, &args.common);
     let done = write(args, runs, &scene, &settings, output)?;
@@ -65,7 +67,7 @@ fn write(
         first_seed: Some(settings.seed),
     };
     let mut writer = DatasetWriter::new(output, info)?;
-    let bar = progress_bar(paths(scene, args.spp) * u64::from(runs), &args.common);
+    let bar = progress_bar(paths(scene, args.spp).saturating_mul(u64::from(runs)), &args.common);
     let progress = |paths| bar.inc(paths);
     let control = Control { progress: &progress, stop: &interrupt::asked };
     let mut done = 0;

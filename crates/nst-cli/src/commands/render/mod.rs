@@ -39,7 +39,8 @@ fn settings(args: &RenderArgs, window: usize, keep: KeepArg) -> RenderSettings {
 }
 
 fn paths(scene: &Scene, spp: u32) -> u64 {
-    u64::from(scene.size[0]) * u64::from(scene.size[1]) * u64::from(spp)
+    // What is too large is refused elsewhere.
+    (u64::from(scene.size[0]) * u64::from(scene.size[1])).saturating_mul(spp.into())
 }
 
 /// The outputs of a job that reads a scene, and perhaps weights.

@@ -1,0 +1,138 @@
+//! Side channels of sequence files: those that are known must be as they should be, and
+//! others are handed on or left aside.
+
+use std::path::Path;
+
+use exr::prelude::{
+    AnyChannel, AnyChannels, FlatSamples, ReadChannels, ReadLayers, WritableImage, f16,
+};
+use ndarray::Array2;
+use nst_core::{FOLDS, Grid, SequenceBatch, Side};
+use nst_files::{
+    ColorModel, Error,
+    output::OutputFile,
+    sequence_file::{SequenceFile, SequenceInfo},
+};
+
+const SIZE: [u32; 2] = [3, 2];
+const PIXELS: usize = 6;
+
+/// A sequence of one term, with all side channels that are known.
+fn write(path: &Path) {
+    let grid = Grid::new(SIZE[0], SIZE[1], 3, 0).expect("a grid");
+    let terms = Array2::from_shape_fn((1, grid.lanes()), |(_, lane)| lane as f32);
+    let mut batch = SequenceBatch::new(terms, vec![8]).expect("a batch");
+    batch.set_grid(grid).expect("its lanes");
+    for side in Side::ALL_FOLDS.iter().chain([&Side::Variance]) {
+        batch.set_side(side.clone(), vec![1.0; grid.lanes()]).expect("a number per lane");
+    }
+    batch.set_side(Side::Skipped, vec![0.0; PIXELS]).expect("a number per pixel");
+    let info = SequenceInfo {
+        size: SIZE,
+        model: ColorModel::Rgb,
+        sample_counts: vec![8],
+        sides: batch.sides().map(|(side, _)| side.clone()).collect(),
+        scene: String::new(),
+        sampler: String::new(),
+        seeds: Vec::new(),
+        render_seconds: 0.0,
+        resume: None,
+    };
+    let mut output = OutputFile::create(path).expect("a file");
+    SequenceFile { info, batch, sums: None }.write(&mut output).expect("it can be written");
+    output.commit().expect("it can be renamed");
+}
+
+/// The layers and channels of a file, by name.
+struct Channels(Vec<AnyChannel<FlatSamples>>);
+
+impl Channels {
+    fn remove(&mut self, wanted: impl Fn(&str) -> bool) {
+        let before = self.0.len();
+        self.0.retain(|channel| !wanted(&channel.name.to_string()));
+        assert!(self.0.len() < before, "there is no such channel");
+    }
+
+    fn put(&mut self, name: &str, samples: FlatSamples) {
+        self.0.retain(|channel| channel.name.to_string() != name);
+        self.0.push(AnyChannel::new(name, samples));
+    }
+
+    fn put_layer(&mut self, layer: &str) {
+        for channel in ["R", "G", "B"] {
+            self.put(&format!("{layer}.{channel}"), FlatSamples::F32(vec![2.0; PIXELS]));
+        }
+    }
+}
+
+/// Reads the sequence after the exr crate has written it with other channels.
+fn read_changed(change: impl FnOnce(&mut Channels)) -> Result<SequenceFile, Error> {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("seq.exr");
+    write(&path);
+    let read = exr::prelude::read().no_deep_data().largest_resolution_level();
+    let read = read.all_channels().first_valid_layer().all_attributes();
+    let mut image = read.from_file(&path).expect("a sound file");
+    let list = std::mem::take(&mut image.layer_data.channel_data.list);
+    let mut channels = Channels(list.into_iter().collect());
+    change(&mut channels);
+    image.layer_data.channel_data = AnyChannels::sort(channels.0.into_iter().collect());
+    image.write().to_file(&path).expect("it can be written");
+    SequenceFile::read(&path)
+}
+
+#[test]
+fn a_known_side_channel_that_is_broken_is_named() {
+    type Change = fn(&mut Channels);
+    let cases: [(&str, Change); 7] = [
+        ("'fold1.G' is missing", |it| it.remove(|name| name == "fold1.G")),
+        ("'Variance.R' is missing", |it| it.remove(|name| name == "Variance.R")),
+        ("'Variance.B' is not of type F32", |it| {
+            it.put("Variance.B", FlatSamples::U32(vec![1; PIXELS]));
+        }),
+        ("'fold0.R' is subsampled or of 16 bits", |it| {
+            it.put("fold0.R", FlatSamples::F16(vec![f16::ONE; PIXELS]));
+        }),
+        // It has one number per pixel.
+        ("'Skipped.Y' is missing", |it| {
+            it.remove(|name| name == "Skipped.Y");
+            it.put_layer("Skipped");
+        }),
+        ("'Skipped.Y' is not of type F32", |it| {
+            it.put("Skipped.Y", FlatSamples::U32(vec![1; PIXELS]));
+        }),
+        // A whole fold less than the header says.
+        ("'nst.folds' must be the number of its folds (3)", |it| {
+            it.remove(|name| name.starts_with("fold3."));
+        }),
+    ];
+    for (words, change) in cases {
+        let error = read_changed(change).expect_err(words).to_string();
+        assert!(error.contains("seq.exr'") && error.contains(words), "'{words}': {error}");
+    }
+    assert!(read_changed(|_| {}).is_ok(), "the file itself is sound");
+}
+
+#[test]
+fn layers_with_names_like_folds_are_no_folds() {
+    for name in ["foldout", "fold4", "fold01", "fold", "variance"] {
+        let file = read_changed(|it| it.put_layer(name)).expect(name);
+        let folds = file.info.sides.iter().filter(|side| matches!(side, Side::Fold(_)));
+        assert_eq!(folds.count(), FOLDS, "{name}");
+        let side = Side::Other(name.to_owned());
+        assert_eq!(file.batch.side(&side), Some(&[2.0; 3 * PIXELS][..]), "{name}");
+    }
+}
+
+#[test]
+fn layers_that_are_not_known_may_be_of_any_kind() {
+    let sides = read_changed(|_| {}).expect("a sound file").info.sides;
+    let file = read_changed(|it| {
+        it.put("foldout.R", FlatSamples::F32(vec![1.0; PIXELS]));
+        it.put("depth.Z", FlatSamples::F32(vec![1.0; PIXELS]));
+        it.put_layer("id");
+        it.put("id.G", FlatSamples::U32(vec![1; PIXELS]));
+        it.put("A", FlatSamples::F32(vec![1.0; PIXELS]));
+    });
+    assert_eq!(file.expect("a sequence").info.sides, sides);
+}
