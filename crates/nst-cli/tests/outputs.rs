@@ -156,7 +156,7 @@ fn default_names_replace_no_files_of_other_programs() {
     foreign(&bench, "plain.exr");
     foreign(&bench, "s1.nst.exr");
     bench.write("x.png", PNG);
-    let words = ["nst did not write", "another name with --output", "move that file away"];
+    let words = ["nst did not write", "another name with --output", "move it away"];
     for (args, file) in [
         (format!("{RENDER} --scene plain.obj"), "'plain.exr'"),
         ("transform s1.exr --transform none".to_owned(), "'s1.nst.exr'"),
