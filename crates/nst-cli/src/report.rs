@@ -51,8 +51,8 @@ pub(crate) fn print(report: &dyn Report, common: &CommonArgs) -> Result<(), Erro
     }
 }
 
-/// Tells people something while a job is running. Where it cannot be written, the job
-/// goes on: the report fails in the same way, when the files are complete.
+/// Tells people something while a job is running. If that fails, the job continues:
+/// printing the report will fail in the same way, after the files are complete.
 pub(crate) fn say(text: &str, common: &CommonArgs) {
     if !(common.json || common.quiet) {
         let _ = write(text);

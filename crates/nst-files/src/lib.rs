@@ -30,7 +30,8 @@ pub mod sequence_file;
 pub use error::Error;
 pub use layers::ColorModel;
 
-/// Files that appear whole or not at all, and that replace nothing that matters.
+/// Files that appear whole or not at all, and never replace an input or a file of another
+/// kind.
 pub mod output {
     pub use crate::{
         output_file::{OutputFile, commit},

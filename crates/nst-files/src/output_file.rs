@@ -25,8 +25,8 @@ pub struct OutputFile {
 }
 
 impl OutputFile {
-    /// Prepares to write `path`, whatever file is there now; [`Outputs::open`](crate::output::Outputs::open) checks
-    /// whether it may be replaced.
+    /// Prepares to write `path`, whatever file is there now;
+    /// [`Outputs::open`](crate::output::Outputs::open) checks whether it may be replaced.
     ///
     /// # Errors
     /// [`Error::Io`] if `path` is a folder or a device, or if its folder cannot be

@@ -4,7 +4,10 @@ use std::path::PathBuf;
 
 use clap::Subcommand;
 
-use super::{BackendArg, CommonArgs, TransformArg, method::transform};
+use super::{
+    common::CommonArgs,
+    method::{BackendArg, TransformArg, transform},
+};
 
 /// Measure methods and compare them.
 #[derive(Debug, clap::Args)]

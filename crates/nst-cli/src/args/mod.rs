@@ -1,6 +1,7 @@
 //! The commands and their options. Commands with many options have a module each.
 
 mod bench;
+mod common;
 mod method;
 mod pack;
 mod render;
@@ -11,6 +12,7 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand};
 
 pub(crate) use bench::{Bench, BenchArgs, BenchSceneArgs, BenchStabilityArgs};
+pub(crate) use common::CommonArgs;
 pub(crate) use method::{BackendArg, MethodArgs, TransformArg};
 pub(crate) use pack::{PackArgs, PackAs};
 pub(crate) use render::{IntegratorArg, KeepArg, RenderArgs};
@@ -110,19 +112,6 @@ pub(crate) struct CompareArgs {
     pub(crate) error_map: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) common: CommonArgs,
-}
-
-#[derive(Debug, clap::Args)]
-pub(crate) struct CommonArgs {
-    /// Threads to use. [default: all]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    pub(crate) threads: Option<u16>,
-    /// Print only errors and warnings.
-    #[arg(short, long)]
-    pub(crate) quiet: bool,
-    /// Print the report as one JSON object.
-    #[arg(long, conflicts_with = "quiet")]
-    pub(crate) json: bool,
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::ValueEnum;
 
-use super::CommonArgs;
+use super::common::CommonArgs;
 
 /// Make a sequence from pictures of another renderer.
 ///

@@ -7,8 +7,9 @@ use nst_files::output::Name;
 use nst_render::{PixelFilter, SamplerKind};
 
 use super::{
-    CommonArgs, MethodArgs, has_extension,
-    values::{ending_in, size},
+    common::CommonArgs,
+    method::MethodArgs,
+    values::{ending_in, has_extension, size},
 };
 use crate::error::Error;
 

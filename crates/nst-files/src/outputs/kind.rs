@@ -121,7 +121,7 @@ impl Found {
     }
 }
 
-/// The text that a file begins with; nothing if it is no text.
+/// The text that a file begins with; empty if it is not a text.
 fn text_at(start: &[u8]) -> &str {
     let text = match std::str::from_utf8(start) {
         Ok(text) => text,

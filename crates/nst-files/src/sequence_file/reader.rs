@@ -22,6 +22,9 @@ use crate::{
     rows::{Attribute, RowReader, Rows},
 };
 
+/// A strip, and the sums of its lanes if the file contains them.
+type StripWithSums = (SequenceBatch, Option<Vec<LaneSums>>);
+
 /// Reads a sequence strip by strip, so that it need not fit into memory.
 pub struct SequenceReader {
     rows: RowReader,
@@ -117,10 +120,8 @@ impl SequenceReader {
         self.next = row.min(self.info.size[1]);
     }
 
-    /// The next strip with its sums, if the file contains them; `None` after the last.
-    pub(super) fn next_with_sums(
-        &mut self,
-    ) -> Result<Option<(SequenceBatch, Option<Vec<LaneSums>>)>, Error> {
+    /// The next strip; `None` after the last.
+    pub(super) fn next_with_sums(&mut self) -> Result<Option<StripWithSums>, Error> {
         let Some((rows, grid)) = self.next_rows()? else { return Ok(None) };
         let batch = self.batch(&rows, grid)?;
         let sums = (!self.state.is_empty()).then(|| self.sums(&rows, &batch));
