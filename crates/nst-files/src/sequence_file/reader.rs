@@ -19,6 +19,9 @@ use crate::{
     rows::{Attribute, RowReader, Rows},
 };
 
+/// A strip, and the sums of its lanes if the file contains them.
+type StripWithSums = (SequenceBatch, Option<Vec<LaneSums>>);
+
 /// Reads a sequence strip by strip, so that it need not fit the memory.
 pub struct SequenceReader {
     rows: RowReader,
@@ -115,9 +118,7 @@ impl SequenceReader {
     }
 
     /// The next strip with its sums, if the file contains them; `None` after the last.
-    pub(super) fn next_with_sums(
-        &mut self,
-    ) -> Result<Option<(SequenceBatch, Option<Vec<LaneSums>>)>, Error> {
+    pub(super) fn next_with_sums(&mut self) -> Result<Option<StripWithSums>, Error> {
         let Some((rows, grid)) = self.next_rows()? else { return Ok(None) };
         let batch = self.batch(&rows, grid)?;
         let sums = (!self.state.is_empty()).then(|| self.sums(&rows, &batch));
