@@ -19,7 +19,7 @@ MATERIAL_KEYWORDS = {"Kd", "Ke", "Ks", "Ni", "d", "illum", "Pr", "Pm", "Ps", "Pc
 
 
 class SceneError(Exception):
-    """What the scene's files hold and these scripts do not translate."""
+    """What is in the scene's files but is not translated by these scripts."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Classical transformations, as `nst` has them: the same windows and the same rules for giving up.
+"""Classical transformations, as in `nst`: the same windows, and the same rules for when S_n is returned.
 
 Each is a function of the last terms of sequences, `[…, term]` in f64, with their sample counts n,
 consecutive, and returns limits `[…]`, NaN where a denominator vanishes.
@@ -11,11 +11,11 @@ import numpy as np
 Limit = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 FARTHEST = 10.0
-"""How far a limit may lie from S_N, in units of n_N/(n_N − n_1) times the window's spread."""
+"""How far a limit may lie from S_N, in units of n_N/(n_N − n_1) times the window's spread; as in `nst`."""
 
 
 def difference(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a − b, or 0 where that is nothing but rounding in f64."""
+    """a − b, or 0 where the difference is only rounding in f64."""
     d = a - b
     rounding = 4.0 * np.finfo(np.float64).eps * np.maximum(np.abs(a), np.abs(b))
     return np.where(np.abs(d) <= rounding, 0.0, d)

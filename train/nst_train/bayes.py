@@ -4,19 +4,19 @@
 
 with θ uniform over the family's square of parameters, and y_i = f_θ(X_i) for uniform X_i.
 
-*Steps.* A sample is h with probability t, else 0. One that is not 0 gives h away; k of n that are not 0
-leave t with the density t^k (1 − t)^(n−k) over its range. The integrals over t are sums over `CELLS`
-midpoints; without any such sample, h is as likely as before.
+*Steps.* A sample is h with probability t, else 0. A sample that is not 0 is h; if k of n are not 0, t has
+the density t^k (1 − t)^(n−k) over its range. The integrals over t are sums over `CELLS` midpoints. If all
+samples are 0, they say nothing about h.
 
 *Gaussians*, below a step at `edge` or without one (edge 1). A sample y > 0 has come from x = μ ± d, where
 d = σ √(2 log(1/(σ √(2π) y))), and f' = y d/σ² there, so
 
     p(y | μ, σ) = σ²/(y d) · (1[μ − d ≥ 0] + 1[μ + d ≤ edge]),
 
-and 0 if y is above the peak 1/(σ √(2π)). A sample y = 0 has the probability 1 − edge whatever θ is. The
-largest sample bounds σ from above, and towards that bound σ* the density grows like (σ* − σ)^(−1/2):
-σ = σ* − (σ* − 0.1) u⁴ with u on midpoints of [0, 1] makes it finite, and crowds the points where the
-posterior is. μ takes midpoints of its range; given σ, the density is piecewise constant in it.
+and 0 if y is above the peak 1/(σ √(2π)). A sample y = 0 has the probability 1 − edge for every θ. The
+largest sample bounds σ from above, and near that bound σ* the density grows like (σ* − σ)^(−1/2):
+σ = σ* − (σ* − 0.1) u⁴ with u on midpoints of [0, 1] makes it finite, and puts most points where the
+posterior is large. μ takes midpoints of its range; given σ, the density is piecewise constant in it.
 """
 
 from math import pi, sqrt
@@ -35,10 +35,17 @@ from nst_train.families import (
 )
 
 CELLS = 20_000
+"""Midpoints of t: thousands for each standard deviation of its posterior, also at n = 64."""
+
 DEVIATIONS = 160
 MEANS = 80
+"""Midpoints of σ and μ on the first grid; a test compares with a grid four times as fine."""
+
 MOST_REFINEMENTS = 4
-CROWDING = 4  # the power of u
+"""Grids for a run: each next one has twice the points, until one of its points explains all samples."""
+
+CROWDING = 4
+"""The power of u, see above."""
 
 
 def limit(family: str, samples: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Log-log charts of MSE against n as SVG: the same bytes from the same numbers."""
+"""Log-log charts of MSE against n as SVG; the same numbers give the same bytes."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,7 @@ TICKS = (8, 16, 32, 64)
 
 @dataclass(frozen=True)
 class Style:
-    """How a curve looks, wherever it appears. Colours that colour-blind readers can tell apart."""
+    """How a curve looks, in all charts. Colours that colour-blind readers can tell apart."""
 
     color: str
     line: str = "-"

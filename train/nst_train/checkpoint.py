@@ -1,4 +1,4 @@
-"""A run's checkpoint and its history: what a sitting leaves behind, and the next one goes on from."""
+"""A run's checkpoint and its history, from which an interrupted run is continued."""
 
 import os
 from pathlib import Path
@@ -28,7 +28,7 @@ def save(out: Path, training: Training, trained_on: str, seconds_at: list[float]
 
 
 def resume(out: Path, training: Training, trained_on: str) -> list[float]:
-    """Goes on from the folder's checkpoint, if there is one; returns its `seconds_at`."""
+    """Continues from the folder's checkpoint, if there is one; returns its `seconds_at`."""
     path = out / "checkpoint.pt"
     if not path.is_file():
         return []

@@ -30,7 +30,7 @@ class Dataset:
         """One run, `[term, lane]`."""
         run = self.sequences[index]
         if not np.isfinite(run).all():
-            raise UserError(f"{self.path}: run {index} holds NaN or infinity; delete the file and rerun")
+            raise UserError(f"{self.path}: run {index} contains NaN or infinity; delete the file and rerun")
         return run
 
 

@@ -16,10 +16,13 @@ from nst_train.model import Mlp
 from nst_train.sequences import Data, Sequences
 
 REPORTED_N = (8, 16, 32, 64)
+"""The n of tables."""
+
 BAYES_N = (8, 11, 16, 23, 32, 45, 64)
+"""The n at which the Bayes limit is computed: it is slow, and this is enough for a curve."""
 
 CHUNK = 1 << 18
-"""Windows that go through the network at a time."""
+"""Windows that go through the network at a time, to save memory."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,7 @@ HISTORY_COLUMNS = ["epoch", "loss", "seconds"]
 
 
 def evaluate(config: Config, model: Mlp, data: Data) -> list[Score]:
-    """All scores of a trained network and what it is compared with."""
+    """All scores of a trained network, and of the methods that it is compared with."""
     scores = network_scores(config, model, data, every_n(config, data))
     constant = data.training.reference.double().mean().numpy()
     for name, held_out in data.held_out.items():

@@ -6,10 +6,10 @@
 | step          | h · 1[x < t]              | t in [0.1, 0.3] | h in [0.5, 2]    |
 | gaussian-step | N(x; μ, σ) · 1[x < 1/2]   | μ in [0.1, 0.3] | σ in [0.1, 0.3]  |
 
-The paper gives the Gaussians' square and no parameters for the others. Here the edge of a step takes the
-Gaussians' range: over [0.1, 0.9] even the best possible estimate (`bayes.py`) has 0.67 times the error
-of S_8, and the paper's gains were out of reach. A pair (μ, σ) leaves no third parameter, so the step
-that multiplies a Gaussian is always the same.
+The paper gives the square of the Gaussians' parameters, and none for the others. Here the edge of a step
+has the Gaussians' range: over [0.1, 0.9] even the best possible estimate (`bayes.py`) has 0.67 times the
+error of S_8, so that gains like the paper's are impossible. A pair (μ, σ) leaves no third parameter, so
+the step that multiplies a Gaussian is always the same.
 
 The 81 training integrands of a family take the left ends of 9×9 equal cells of the square. The 9 test
 integrands take the left ends of 3×3 cells, shifted by a quarter of the range: for the Gaussians the
@@ -127,7 +127,7 @@ def held_out_samples(family: str, runs: int, terms: int, seed: int) -> np.ndarra
 
 
 def make_data(families: list[str], runs: int, terms: int, seed: int) -> Data:
-    """Training and test sequences; those of one family do not depend on which others are asked for."""
+    """Training and test sequences; those of one family do not depend on the other families."""
 
     def training(family: str) -> Sequences:
         functions = integrands(family, GRID)

@@ -81,13 +81,13 @@ def make(paper: Path, page: str, svgs: Path) -> tuple[str, list[str], list[str]]
 
 
 def check(paper: Path, page_path: Path) -> None:
-    """Raises an error where an SVG or a table is not what the CSV files give."""
+    """Raises an error where an SVG or a table is not the one that the CSV files give."""
     page = page_path.read_text(encoding="utf-8")
     with tempfile.TemporaryDirectory() as folder:
         made, drawn, _ = make(paper, page, Path(folder))
         stored = sorted(path.stem for path in paper.glob("*.svg"))
         if stored != sorted(drawn):
-            raise UserError(f"{paper}: holds {stored}, but its CSV files give {sorted(drawn)}")
+            raise UserError(f"{paper}: contains {stored}, but its CSV files give {sorted(drawn)}")
         for name in drawn:
             path = paper / f"{name}.svg"
             if path.read_bytes() != (Path(folder) / path.name).read_bytes():

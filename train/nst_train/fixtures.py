@@ -20,7 +20,7 @@ from nst_train import weights
 from nst_train.errors import UserError
 from nst_train.model import NEGATIVE_SLOPE, Mlp
 
-WINDOW = 8
+WINDOW = 8  # as of the built-in networks
 LANES = 101  # a prime: a multiple of no vector width and no workgroup size
 NETWORKS: dict[str, list[int]] = {
     "mlp-5-3": [5, 3],
@@ -31,7 +31,7 @@ NETWORKS: dict[str, list[int]] = {
 
 TOLERANCE = 1e-5
 """Relative to 1 + the lane's largest input. Outputs are of that order, and f32 sums of at most 64
-products, in whatever order a machine takes them, agree to about 64 ε = 4e-6 of it."""
+products, taken in any order, agree to about 64 ε = 4e-6 of it."""
 
 
 def random_network(hidden: list[int], seed: int) -> Mlp:

@@ -1,4 +1,4 @@
-"""The metrics of finished runs, as charts and tables read them: a CSV file per network."""
+"""The metrics of finished runs for charts and tables: one CSV file for each network."""
 
 import csv
 from pathlib import Path
@@ -36,13 +36,13 @@ class Metrics:
         return Curve(label, style, list(points), [float(row["mse"]) for row in points.values()])
 
     def ratio(self, name: str, data: str, method: str, n: int) -> str:
-        """A cell of a table; a dash where there is no such n."""
+        """A cell of a table; a dash where this n is missing."""
         row = self.points(name, data, method).get(n)
         return digits(float(row["mse_ratio"])) if row else "–"
 
 
 def read_csv(path: Path, columns: list[str]) -> list[dict[str, str]]:
-    """Checks the header."""
+    """The rows of a CSV file, whose header is checked."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
             reader = csv.DictReader(file)
@@ -54,5 +54,5 @@ def read_csv(path: Path, columns: list[str]) -> list[dict[str, str]]:
 
 
 def digits(x: float) -> str:
-    """Three digits."""
+    """A number with three digits."""
     return f"{x:.3f}" if 0.1 <= x < 1 else f"{x:.3g}" if x < 1000 else f"{x:.0f}"

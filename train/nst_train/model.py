@@ -9,6 +9,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 NEGATIVE_SLOPE = 0.01
+"""Of the leaky ReLU: PyTorch's default."""
 
 
 class Mlp(nn.Module):
@@ -18,8 +19,8 @@ class Mlp(nn.Module):
     file. With `mixed` the products between hidden layers are in bf16. The first layer and the last stay
     in f32: rounding the estimates would erase their differences S_k − S_{k−1}.
 
-    A whitened network sees basis · (window − center). That is another way to write the weights of the
-    first layer, on which gradient descent is faster; `folded` turns them into the plain ones.
+    A whitened network reads basis · (window − center). The functions of its first layer are the same, but
+    gradient descent is faster; `folded` returns the plain weights.
     """
 
     center: Tensor | None
@@ -38,7 +39,7 @@ class Mlp(nn.Module):
         return self.layers[0].in_features
 
     def whiten(self, center: Tensor, basis: Tensor) -> None:
-        """Makes the first layer see basis · (window − center), of shapes `[window]` and
+        """Makes the first layer read basis · (window − center), of shapes `[window]` and
         `[window, window]`, with the weights that it has."""
         self.center, self.basis = center.float(), basis.float()
 

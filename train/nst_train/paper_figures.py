@@ -1,4 +1,4 @@
-"""The figures of docs/paper.md: the networks that each needs, its chart, and the table beside it."""
+"""The figures of docs/paper.md: the networks that each needs, its chart, and its table."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ FOUR = [Style("#e69f00"), Style("#56b4e9"), Style("#0072b2", width=2.2), Style("
 
 
 def scene_of(name: str) -> str:
-    """What the held-out set of a rendered experiment is called: its scene."""
+    """The name of the held-out set of a rendered experiment: its scene."""
     return "cornell" if name.startswith("cornell") else name.removesuffix(HALTON)
 
 
@@ -154,7 +154,7 @@ def table_7(metrics: Metrics) -> str:
 
 @dataclass(frozen=True)
 class Figure:
-    """A chart and the table beside it, made from the CSV files of some networks."""
+    """A chart and a table, made from the CSV files of some networks."""
 
     needs: tuple[str, ...]
     panels: Callable[[Metrics], list[Panel]]

@@ -4,7 +4,7 @@
     python -m nst_train.pictures runs/cornell-depth-8 --npz runs/cornell-depth-8/pictures.npz
 
 The maps are |S − I| and |T − I| at n = 32 of the first evaluation run, in false colour, both on one
-scale that ends at the 99th percentile of |S − I|: NAME-S.png and NAME-T.png. The npz holds `n` [n], `S`
+scale that ends at the 99th percentile of |S − I|: NAME-S.png and NAME-T.png. The npz contains `n` [n], `S`
 and `T` [n, run, y, x, color], and `I` [y, x, color], all f32.
 """
 
@@ -23,7 +23,11 @@ from nst_train.errors import UserError
 from nst_train.sequences import Sequences
 
 MAP_N = 32
+"""The n of error maps: the last one of the rendered experiments, as in the paper's figure 5."""
+
 DENOISED_N = (8, 16, 32)
+"""The n in figure 7."""
+
 COLOR_MAP = "magma"
 
 

@@ -17,7 +17,7 @@ class Progress:
             self.bar = tqdm(total=epochs, initial=done, unit="epoch", dynamic_ncols=True)
 
     def update(self, loss: float, seconds: float, report: bool) -> None:
-        """One more epoch; `report` asks for a line of its own in a pipe."""
+        """Counts one more epoch; with `report`, prints a line if the output is a pipe."""
         self.epoch += 1
         if self.bar is not None:
             self.bar.set_postfix(loss=f"{loss:.5g}", refresh=False)

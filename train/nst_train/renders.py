@@ -30,8 +30,8 @@ CONSTANT_TOLERANCE = 1e-6
 
 @dataclass(frozen=True)
 class Renders:
-    """All lanes of all runs. `[lane]`: all pixels of R, then of G, then of B; of a grey scene one
-    channel alone, as the other two are the same numbers."""
+    """All lanes of all runs. `[lane]`: all pixels of R, then of G, then of B; of a grey scene only
+    one channel, as the other two are equal."""
 
     scene: str  # fingerprint
     size: tuple[int, int]  # width, height
@@ -45,7 +45,7 @@ class Renders:
 
 
 def make_data(data: RendersData, cache: Path) -> Data:
-    """Renders what `cache` does not hold yet, and drops the lanes in which nothing is random."""
+    """Renders what `cache` does not contain yet, and drops the lanes in which nothing is random."""
     renders = load(data, cache)
     kept = renders.varying()
     if not kept.any():
@@ -61,7 +61,7 @@ def make_data(data: RendersData, cache: Path) -> Data:
 
 
 def load(data: RendersData, cache: Path) -> Renders:
-    """Renders what `cache` does not hold yet, and reads it."""
+    """Renders what `cache` does not contain yet, and reads it."""
     scene = REPOSITORY / data.scene
     if not scene.is_file():
         raise UserError(f"data.scene: no such file: {scene}")
@@ -106,7 +106,7 @@ def load(data: RendersData, cache: Path) -> Renders:
 
 
 def _is_grey(lanes: np.ndarray) -> bool:
-    """Whether the three channels of `[…, lane]` are the same numbers."""
+    """Whether the three channels of `[…, lane]` are equal."""
     red, green, blue = np.split(lanes, COLORS, axis=-1)
     return np.array_equal(red, green) and np.array_equal(red, blue)
 
@@ -118,7 +118,7 @@ def varying(estimates: np.ndarray) -> np.ndarray:
 
 
 def scene_digest(scene: Path) -> str:
-    """Names the content of the scene's folder: OBJ, materials, settings and textures."""
+    """A hash of the content of the scene's folder: OBJ, materials, settings and textures."""
     digest = hashlib.sha256()
     for path in sorted(scene.parent.rglob("*")):
         if path.is_file():
@@ -139,7 +139,7 @@ def renderer() -> Path:
 
 
 def render(scene: Path, options: list[object], dataset: Path) -> None:
-    """Runs `nst render` and leaves its dataset at `dataset`."""
+    """Runs `nst render`, which writes its dataset to `dataset`."""
     dataset.parent.mkdir(parents=True, exist_ok=True)
     unfinished = dataset.with_suffix(".part.safetensors")
     line = [renderer(), "render", "--scene", scene, *options, "-o", unfinished, "--quiet"]

@@ -1,4 +1,4 @@
-"""What a finished run stores: the network in f16 if that costs little, and its scores."""
+"""What a finished run stores: the network, in f16 if that costs little, and its scores."""
 
 import torch
 
@@ -39,7 +39,7 @@ def loses_little(full: list[Score], half: list[Score]) -> bool:
 
 
 def provenance(config: configs.Config, data: Data) -> weights.Provenance:
-    """For the metadata of the weights."""
+    """The provenance of a network, for the metadata of its weights."""
     rendered = isinstance(config.data, configs.RendersData)
     return weights.Provenance(
         trained_on=data.trained_on,

@@ -1,4 +1,4 @@
-"""A run's folder: one experiment from its data to its weights, in as many sittings as it takes."""
+"""A run's folder: one experiment from its data to its weights. A run may be interrupted and continued."""
 
 import importlib.metadata
 import json
@@ -19,12 +19,13 @@ from nst_train.sequences import Data
 from nst_train.training import Training
 
 CHECKPOINT_SECONDS = 30.0
+"""The least time between two checkpoints: what an interruption can cost."""
 REPORTS = 20
 """How many times in a run the held-out sequences are scored and a line is printed."""
 
 
 def run(config: configs.Config, out: Path, device: str = "cpu") -> list[Score]:
-    """Trains, or goes on training, and leaves weights and scores in `out`."""
+    """Trains, or continues training, and writes weights and scores to `out`."""
     claim(out, config)
     data = load_data(config, out)
     count, runs, terms = data.training.estimates.shape
@@ -48,13 +49,13 @@ def run(config: configs.Config, out: Path, device: str = "cpu") -> list[Score]:
 
 
 def claim(out: Path, config: configs.Config) -> None:
-    """Makes the folder, or refuses one that holds another run."""
+    """Makes the folder, or refuses one with another run."""
     out.mkdir(parents=True, exist_ok=True)
     for name, text in (("config.toml", config.text), ("setting", config.setting + "\n")):
         path = out / name
         if path.is_file() and path.read_text(encoding="utf-8") != text:
             raise UserError(
-                f"{path}: {out} holds a run of another config or setting; "
+                f"{path}: {out} contains a run of another config or setting; "
                 "give another --out, or delete that folder"
             )
         path.write_text(text, encoding="utf-8")
@@ -68,7 +69,7 @@ def load_data(config: configs.Config, out: Path) -> Data:
 
 
 def train(out: Path, training: Training, data: Data, seconds_at: list[float]) -> None:
-    """Trains to the last epoch; `seconds_at` holds the seconds of training up to the end of each epoch
+    """Trains to the last epoch; `seconds_at` has the seconds of training up to the end of each epoch
     in all sittings, and is added to."""
     config = training.config
     seconds = seconds_at[-1] if seconds_at else 0.0
@@ -98,7 +99,7 @@ def train(out: Path, training: Training, data: Data, seconds_at: list[float]) ->
 
 
 def write_description(out: Path, config: configs.Config, data: Data, device: str) -> None:
-    """versions.json: what ran, where, on what."""
+    """versions.json: the versions of programs, and the device."""
     known = {
         "trained_on": data.trained_on,
         "setting": config.setting,

@@ -57,7 +57,7 @@ def whitening(estimates: Tensor, window: int) -> tuple[Tensor, Tensor]:
     axes uncorrelated and of variance 1, in f64.
 
     Estimates follow each other closely, so a window's differences are far smaller than its mean;
-    gradient descent on raw windows is as slow as that ratio is small.
+    the smaller their ratio, the slower is gradient descent on raw windows.
     """
     terms = estimates.shape[-1]
     total = torch.zeros(window, dtype=torch.float64, device=estimates.device)

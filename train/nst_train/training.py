@@ -37,7 +37,7 @@ class Training:
         self.model = make_model(config, sequences.estimates).to(device)
         self.model.mixed = device == "cuda"
         self.optimizer = torch.optim.Adam(self.model.parameters(), lr=config.learning_rate)
-        self.rng = torch.Generator().manual_seed(config.seed)  # on the CPU, whatever the device
+        self.rng = torch.Generator().manual_seed(config.seed)  # on the CPU: the same on all devices
         self.losses: list[float] = []  # mean loss of each epoch so far
         self.steps = 0
 
@@ -55,7 +55,7 @@ class Training:
         return len(self.losses)
 
     def learning_rate(self) -> float:
-        """Of the next batch."""
+        """The learning rate of the next batch."""
         progress = self.steps / self.steps_in_all
         return 0.5 * self.config.learning_rate * (1.0 + math.cos(math.pi * progress))
 
@@ -92,7 +92,7 @@ class Training:
         return loss * (len(self.n) / len(points))
 
     def state(self) -> dict[str, Any]:
-        """All that changes in the course of training."""
+        """All that changes during training."""
         return {
             "model": self.model.state_dict(),
             "optimizer": self.optimizer.state_dict(),
@@ -102,7 +102,7 @@ class Training:
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Goes on from a `state`."""
+        """Continues from a `state`."""
         self.model.load_state_dict(state["model"])
         self.optimizer.load_state_dict(state["optimizer"])
         self.rng.set_state(state["rng"].cpu())

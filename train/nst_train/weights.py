@@ -30,7 +30,7 @@ class Provenance:
 
 
 def rounded(model: Mlp, dtype: torch.dtype) -> Mlp:
-    """The network that a file with weights of that type holds; it computes in f32."""
+    """The network as a file with weights of that type would contain it; it computes in f32."""
     model = copy.deepcopy(model)
     with torch.no_grad():
         for parameter in model.parameters():

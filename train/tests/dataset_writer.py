@@ -14,7 +14,7 @@ def write_dataset(path: Path, sequences: np.ndarray, size: tuple[int, int], **ch
         "width": str(size[0]),
         "height": str(size[1]),
         "sample_counts": ",".join(map(str, range(1, terms + 1))),
-        "scene": "box:0123456789abcdef",
+        "scene": "box:v2:0123456789abcdef",
         "sampler": "random",
         "first_seed": "1",
     }

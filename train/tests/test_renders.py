@@ -73,7 +73,7 @@ def test_damaged_datasets_are_named(tmp_path: Path) -> None:
         sequences[1, 3, 4] = bad
         write_dataset(path, sequences, SIZE)
         read().run(0)
-        with pytest.raises(UserError, match="run 1 holds NaN or infinity"):
+        with pytest.raises(UserError, match="run 1 contains NaN or infinity"):
             read().run(1)
     write_dataset(path, random_sequences(2, 9).astype(np.float16), SIZE)
     with pytest.raises(UserError, match="F16 .* expected F32"):
@@ -128,7 +128,7 @@ def test_what_was_asked_for_is_rendered_and_checked(
     with pytest.raises(UserError, match="made with the sampler 'halton', not 'random'"):
         renders.load(settings, cache)
     write_dataset(runs, random_sequences(3, 10), SIZE, scene="box:1")
-    with pytest.raises(UserError, match="rendered from box:1, but .* from box:0123456789abcdef"):
+    with pytest.raises(UserError, match="rendered from box:1, but .* from box:v2:0123456789abcdef"):
         renders.load(settings, cache)
 
 

@@ -104,10 +104,10 @@ def test_a_folder_of_another_run_is_refused(tiny: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     runs.run(configs.load(tiny), out)
     before = (out / "tiny.safetensors").read_bytes()
-    with pytest.raises(UserError, match="setting: .* holds a run of another config or setting"):
+    with pytest.raises(UserError, match="setting: .* contains a run of another config or setting"):
         runs.run(configs.load(tiny, "small"), out)
     tiny.write_text(tiny.read_text().replace("seed = 1", "seed = 2"))
-    with pytest.raises(UserError, match="config.toml: .* holds a run of another config"):
+    with pytest.raises(UserError, match="config.toml: .* contains a run of another config"):
         runs.run(configs.load(tiny), out)
     assert (out / "tiny.safetensors").read_bytes() == before
 

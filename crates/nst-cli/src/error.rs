@@ -1,3 +1,5 @@
+//! The errors of commands, and the exit codes.
+
 use std::path::PathBuf;
 
 use thiserror::Error;
@@ -17,7 +19,7 @@ pub(crate) enum Error {
     Csv { path: PathBuf, source: csv::Error },
     #[error("--backend gpu: {0}; --backend cpu needs none")]
     Gpu(nst_core::Error),
-    /// The samples are saved, but the transformation did not come about.
+    /// The transformation failed; the samples are saved.
     #[error("the transformation failed: {why}; {saved}")]
     Transform { why: String, saved: String },
     /// Files that do not fit together; the message names them.
@@ -27,11 +29,10 @@ pub(crate) enum Error {
     Stdout(std::io::Error),
     #[error("cannot watch for Ctrl-C: {0}")]
     CtrlC(#[from] ctrlc::Error),
-    /// Ctrl-C ended the job before there was anything to report; the exit code is that of
-    /// a program so ended.
+    /// Ctrl-C ended the job before there was anything to report; the exit code is 130.
     #[error("{0}")]
     Interrupted(String),
-    /// The command line is wrong; the exit code says so.
+    /// The command line is wrong; the exit code is 2.
     #[error("{0}")]
     Usage(String),
 }
@@ -47,7 +48,7 @@ impl From<nst_core::Error> for Error {
 }
 
 impl Error {
-    /// 2 if another command line is needed, else 1.
+    /// 2 if the command line must be changed, else 1.
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
             Self::Usage(_) | Self::Files(nst_files::Error::Output { .. }) => 2,

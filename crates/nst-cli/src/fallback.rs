@@ -1,4 +1,4 @@
-//! A network on the GPU for as long as that works, then on the CPU.
+//! A network that runs on the GPU, and on the CPU once the GPU has failed.
 
 use std::{
     any::Any,
@@ -12,7 +12,7 @@ use nst_core::{Error, Estimates, Fitted, MlpCpu, Requirements, SequenceBatch, St
 
 use crate::report::complain;
 
-/// The name of the GPU that a transformation runs on, while it does.
+/// The name of the GPU that a transformation runs on; `None` while it is on the CPU.
 #[derive(Clone, Default)]
 pub(crate) struct Adapter(Arc<Mutex<Option<String>>>);
 
@@ -30,9 +30,8 @@ impl Adapter {
     }
 }
 
-/// A GPU, if there is one, until it fails, then the CPU, with one warning on stderr. A
-/// batch on which the GPU fails is evaluated anew, so that no result depends on when
-/// that was.
+/// Evaluates on a GPU, if there is one, until it fails; then on the CPU, with one warning
+/// on stderr. The CPU computes the whole strip again on which the GPU failed.
 pub(crate) struct Fallback<G> {
     gpu: Mutex<Stage<G>>,
     cpu: MlpCpu,
@@ -40,15 +39,15 @@ pub(crate) struct Fallback<G> {
 }
 
 enum Stage<G> {
-    /// Drivers take their time, in which the job's other parts go on.
+    /// Drivers take long to open; meanwhile the rest of the job goes on.
     Opening(JoinHandle<Result<(String, G), Error>>),
     Open(G),
     Failed,
 }
 
 impl<G: Fitted + 'static> Fallback<G> {
-    /// Opens the GPU on a thread of its own; `open` gives its name, too. `adapter` is
-    /// kept up to date.
+    /// Calls `open`, which returns a GPU and its name, on a new thread. From then on
+    /// `adapter` has the name of the GPU in use.
     pub(crate) fn new(
         open: impl FnOnce() -> Result<(String, G), Error> + Send + 'static,
         cpu: MlpCpu,
@@ -66,7 +65,7 @@ impl<G: Fitted + 'static> Fallback<G> {
                 *adapter.lock() = Some(name);
                 return Stage::Open(gpu);
             }
-            // A machine without a GPU is nothing to warn of.
+            // A machine without a GPU needs no warning.
             Err(Error::NoAdapter(_)) => {}
             Err(error) => warn(&error),
         }
@@ -100,9 +99,9 @@ impl<G: Fitted + 'static> Fitted for Fallback<G> {
     }
 }
 
-/// Does `work` on a GPU; a driver that panics has failed.
+/// Does `work` on a GPU; a panic of the driver becomes an error.
 pub(crate) fn caught<T>(work: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
-    // What `work` has left half done is not looked at again.
+    // Nothing reads what `work` has left half done.
     catch_unwind(AssertUnwindSafe(work))
         .unwrap_or_else(|panic| Err(Error::Gpu(message_of(&*panic))))
 }
@@ -114,12 +113,12 @@ fn message_of(panic: &(dyn Any + Send)) -> String {
 }
 
 impl<G> Drop for Fallback<G> {
-    /// Waits for a GPU that is being opened: drivers that are still loading when the
-    /// process ends have crashed it.
+    /// Waits for a GPU that is being opened: a driver that is still loading when the
+    /// process ends may crash it.
     fn drop(&mut self) {
         let stage = self.gpu.get_mut().unwrap_or_else(PoisonError::into_inner);
         if let Stage::Opening(thread) = mem::replace(stage, Stage::Failed) {
-            // Whatever came of it is of no use now.
+            // The result is not needed any more.
             let _ = thread.join();
         }
     }

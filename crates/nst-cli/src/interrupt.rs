@@ -1,16 +1,16 @@
-//! Ctrl-C: the first asks the job to end in good order, the second ends it at once.
+//! Ctrl-C: the first asks the job to finish its files and end, the second ends it at once.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::{error::Error, report::complain};
 
-/// What a shell reports of a program that SIGINT has ended: 128 + 2.
+/// The exit code by which shells report that SIGINT ended a program: 128 + 2.
 pub(crate) const EXIT_CODE: u8 = 130;
 
 static ASKED: AtomicBool = AtomicBool::new(false);
 
-/// From now on, Ctrl-C is noted. A second one ends the process,
-/// which leaves temporary files behind.
+/// From now on, a first Ctrl-C is only noted: see [`asked`]. A second one ends the process,
+/// and leaves temporary files behind.
 pub(crate) fn watch() -> Result<(), Error> {
     ctrlc::set_handler(|| {
         if ASKED.swap(true, Ordering::Relaxed) {
@@ -21,7 +21,7 @@ pub(crate) fn watch() -> Result<(), Error> {
     Ok(())
 }
 
-/// Whether the job is to end.
+/// Whether Ctrl-C has asked the job to end.
 pub(crate) fn asked() -> bool {
     ASKED.load(Ordering::Relaxed)
 }

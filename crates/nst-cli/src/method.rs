@@ -1,4 +1,4 @@
-//! Which transformation a command line stands for, and on what it runs.
+//! Which transformation the command line asks for, and what it runs on.
 
 use std::sync::Arc;
 
@@ -14,23 +14,27 @@ use crate::{
     fallback::{Adapter, Fallback, caught},
 };
 
-/// Terms that a rendering keeps where no network asks for a number.
+/// The last terms that a rendering keeps if the method reads no more: the window of the
+/// built-in networks.
 pub(crate) const DEFAULT_WINDOW: usize = 8;
 
+/// The reason if the command line names the method.
 const AS_ASKED: &str = "as asked";
 
-/// What `--transform auto` chooses by.
+/// What `--transform auto` knows of a sequence when it chooses.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Origin<'a> {
     /// The scene's fingerprint.
     pub(crate) scene: &'a str,
     /// The sampler's name; empty where it is not known.
     pub(crate) sampler: &'a str,
-    /// The samples behind the terms; the last alone stands for consecutive ones.
+    /// The samples behind the terms. The last one alone means terms that are one sample
+    /// apart.
     pub(crate) counts: &'a [u32],
 }
 
-/// The sampler of networks from before their files named it.
+/// The sampler of networks whose files name none: the first ones were all trained on
+/// `random`.
 const FIRST_SAMPLER: &str = "random";
 
 /// A transformation, ready to be applied.
@@ -45,7 +49,7 @@ pub(crate) struct Method {
 }
 
 impl Method {
-    /// Resolves the options for a sequence of some origin.
+    /// The method that the options ask for.
     pub(crate) fn resolve(args: &MethodArgs, origin: Origin<'_>) -> Result<Self, Error> {
         match &args.weights {
             Some(path) => {
@@ -57,7 +61,7 @@ impl Method {
         }
     }
 
-    /// Resolves a method by name, as [`Self::resolve`] does.
+    /// The method of a name, for [`Self::resolve`] and for benchmarks.
     pub(crate) fn named(
         transform: TransformArg,
         backend: BackendArg,
@@ -83,7 +87,7 @@ impl Method {
         }
     }
 
-    /// Fails if fewer terms are at hand than the method reads; `advice` says what to do then.
+    /// Fails if there are fewer terms than the method reads; `advice` says what to do then.
     pub(crate) fn check_terms(&self, terms: usize, advice: &str) -> Result<(), Error> {
         let window = self.transform.requires().window;
         if terms < window {
@@ -153,7 +157,7 @@ fn builtin(name: &str) -> Result<Network, Error> {
     Ok(network.unwrap_or_else(|| unreachable!("the command line admits built-in names only"))?)
 }
 
-/// Of the networks that were trained on this very scene, the one for its sampler and its
+/// Of the networks that were trained on exactly this scene, the one for its sampler and its
 /// terms, or why there is none.
 fn choose(
     networks: Vec<(&'static str, Network)>,
@@ -170,7 +174,7 @@ fn choose(
         } else if !counts.last().is_some_and(|spp| (first..=last).contains(spp)) {
             format!("network '{name}' was trained on {first} to {last} spp of this scene")
         } else if window.windows(2).any(|pair| pair[1] - pair[0] > 1) {
-            // As in merged sequences: they vary more than what it has seen.
+            // As in merged sequences: their terms vary more than those of its training.
             format!("network '{name}' was trained on terms that are one sample apart")
         } else {
             return Ok((name, network));

@@ -1,4 +1,4 @@
-//! What a command says when it is done, and the only place that prints it.
+//! What commands report, and the only place that prints.
 
 use std::{
     fmt,
@@ -9,12 +9,12 @@ use serde::Serialize;
 
 use crate::{args::CommonArgs, error::Error};
 
-/// What a command did or found: for programs as JSON, for people as text.
+/// What a command did or found, as JSON for programs and as text for people.
 pub(crate) trait Report {
-    /// One object.
+    /// One JSON object.
     fn json(&self) -> String;
 
-    /// Lines.
+    /// Lines of text.
     fn text(&self) -> String;
 }
 
@@ -28,7 +28,7 @@ impl<T: Serialize + fmt::Display> Report for T {
     }
 }
 
-/// A command that has done what it could.
+/// The result of a command that did not fail.
 pub(crate) struct Done {
     pub(crate) report: Box<dyn Report>,
     /// What is missing, if Ctrl-C ended the job early.
@@ -36,7 +36,7 @@ pub(crate) struct Done {
 }
 
 impl Done {
-    /// A command that has done all it was asked.
+    /// The result of a command that has done everything.
     pub(crate) fn whole(report: impl Report + 'static) -> Self {
         Self { report: Box::new(report), early: None }
     }
@@ -51,16 +51,16 @@ pub(crate) fn print(report: &dyn Report, common: &CommonArgs) -> Result<(), Erro
     }
 }
 
-/// Tells people something while a job is under way. Where it cannot be written, the job
-/// goes on: the report fails in the same way, when the files are there.
+/// Tells people something while a job is running. Where it cannot be written, the job
+/// goes on: the report fails in the same way, when the files are complete.
 pub(crate) fn say(text: &str, common: &CommonArgs) {
     if !(common.json || common.quiet) {
         let _ = write(text);
     }
 }
 
-/// Writes lines to standard output. A reader who has heard enough, such as `head`, is no
-/// reason to end a job; a full disk is an error.
+/// Writes lines to standard output. A reader that closes the pipe early, as `head` does,
+/// does not end the job; a full disk is an error.
 fn write(text: &str) -> Result<(), Error> {
     let mut out = std::io::stdout().lock();
     let written = writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush());
@@ -70,8 +70,8 @@ fn write(text: &str) -> Result<(), Error> {
     }
 }
 
-/// Writes a line to standard error, where it can be written to.
+/// Writes a line to standard error, if that is possible.
 pub(crate) fn complain(line: &str) {
-    // There is no other place to say that this one is closed.
+    // If it is closed, there is no other place to report that.
     let _ = writeln!(std::io::stderr(), "{line}");
 }

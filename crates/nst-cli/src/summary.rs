@@ -1,4 +1,4 @@
-//! What rendering and transforming say when they are done.
+//! What `nst render` and `nst transform` report.
 
 use std::{
     borrow::Cow,
@@ -24,18 +24,18 @@ pub(crate) struct Summary {
     backend: &'static str,
     adapter: Option<String>,
     transform: String,
-    /// Why this transformation.
+    /// Why this transformation was chosen.
     reason: String,
     lanes: usize,
     lanes_skipped: usize,
     lanes_fallen_back: usize,
-    /// What was written.
+    /// The files that were written.
     files: Vec<String>,
     /// What was assumed, and what was lost.
     notes: Vec<String>,
 }
 
-/// What became of the lanes of one or several batches.
+/// How many lanes one or several batches have, by status.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct LaneCounts {
     lanes: usize,
@@ -58,7 +58,7 @@ pub(crate) struct RenderStats {
     pub(crate) paths: u64,
 }
 
-/// Collects the times of a job as it goes along.
+/// Collects the times of the parts of a job.
 pub(crate) struct Stopwatch {
     start: Instant,
     pub(crate) transform: Duration,
@@ -99,7 +99,7 @@ impl Stopwatch {
     }
 }
 
-/// Strips that say how long it takes to read them.
+/// Strips, and the time that it takes to read them.
 pub(crate) struct TimedStrips<'a> {
     pub(crate) strips: &'a mut dyn Strips,
     pub(crate) time: Duration,

@@ -300,7 +300,7 @@ fn resumed_renderings() {
 fn weights() {
     let bench = Bench::new();
     bench.write("x.obj", TRIANGLE);
-    let (_, bytes) = nst_core::BUILTIN[0];
+    let bytes = nst_core::Network::builtins().next().expect("there are networks").file();
     bench.write("cut.safetensors", &bytes[..bytes.len() - 4]);
     bench.write("text.safetensors", "no weights at all");
     // A header that promises more than there is.

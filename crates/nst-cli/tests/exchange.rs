@@ -81,7 +81,7 @@ fn info_knows_each_kind_of_file() {
     bench.succeed(&format!(
         "render --scene {scene} --spp 3 --size 5x4 --runs 2 -o d.safetensors -q"
     ));
-    let (_, weights) = nst_core::BUILTIN[0];
+    let weights = nst_core::Network::builtins().next().expect("there are networks").file();
     bench.write("w.safetensors", weights);
     let info = |file: &str| {
         let said = bench.succeed(&format!("info {file}"));

@@ -53,7 +53,7 @@ fn sequences(bench: &Bench) {
 #[test]
 fn a_rendering_does_not_replace_the_files_of_its_scene() {
     let bench = scenes();
-    let (_, weights) = nst_core::BUILTIN[0];
+    let weights = nst_core::Network::builtins().next().expect("there are networks").file();
     bench.write("w.safetensors", weights);
     let cases = [
         // The picture and its PNG are named after the scene, as is the texture.
@@ -156,7 +156,7 @@ fn default_names_replace_no_files_of_other_programs() {
     foreign(&bench, "plain.exr");
     foreign(&bench, "s1.nst.exr");
     bench.write("x.png", PNG);
-    let words = ["nst did not write", "another name with --output", "move that file away"];
+    let words = ["nst did not write", "another name with --output", "move it away"];
     for (args, file) in [
         (format!("{RENDER} --scene plain.obj"), "'plain.exr'"),
         ("transform s1.exr --transform none".to_owned(), "'s1.nst.exr'"),

@@ -1,7 +1,7 @@
-//! Which lanes of a window a network must see, and how they come to stand side by side.
+//! Chooses the lanes that a network must compute, and gathers them side by side.
 //!
-//! A lane whose window is constant, or not finite, keeps S_n; the others are computed. Where
-//! all are computed, as nearly everywhere, nothing is moved.
+//! A lane keeps S_n if its window is constant or not finite; the network computes the
+//! others. Where it computes all, the usual case, nothing is copied.
 
 use ndarray::ArrayView2;
 #[cfg(feature = "gpu")]
@@ -11,16 +11,16 @@ use crate::Status;
 #[cfg(feature = "gpu")]
 use crate::{Error, Estimates};
 
-/// Lanes that are classified by one thread at a time.
+/// Lanes that one task of the thread pool classifies: 512 KiB of a window of eight terms.
 #[cfg(feature = "gpu")]
 const CLASSIFY: usize = 1 << 14;
 
-/// Lanes that are looked at side by side, in vectors.
+/// Lanes that a loop looks at together: four vectors of AVX-512, the widest there are.
 const SIDE_BY_SIDE: usize = 64;
 
-/// Lets `evaluate` compute the lanes of a window `[term][lane]` that a network must see, one
-/// value each, and sets the others to S_n: those whose window is constant, and those that
-/// are not finite. A value that is not finite becomes S_n, too.
+/// Calls `evaluate` for the lanes of a window `[term][lane]` that a network must compute;
+/// it writes one value for each. The other lanes, whose window is constant or not finite,
+/// get S_n. So do lanes for which `evaluate` writes a value that is not finite.
 ///
 /// # Errors
 /// Those of `evaluate`.
@@ -40,8 +40,9 @@ pub(crate) fn transform_active(
     Compact::default().evaluate(window, 0, ok, values, status, evaluate)
 }
 
-/// Sets lanes `first ..` of the window `[term][lane]` to S_n, and to the status that
-/// follows from the window alone. Returns how many are [`Status::Ok`], which all are before.
+/// Sets lanes `first ..` of the window `[term][lane]` to S_n, and their status to what the
+/// window alone says. All statuses must be [`Status::Ok`] before. Returns how many still
+/// are.
 pub(crate) fn classify(
     window: ArrayView2<'_, f32>,
     first: usize,
@@ -75,7 +76,7 @@ pub(crate) fn classify(
         }
         let flags = || differs.iter().zip(&finite).take(count);
         if flags().fold(u32::MAX, |all, (differs, finite)| all & differs & finite) != 0 {
-            ok += count; // as nearly everywhere; these statuses are Ok before
+            ok += count; // the usual case: their statuses are Ok already
             continue;
         }
         for (status, (&differs, &finite)) in status.iter_mut().zip(flags()) {
@@ -90,7 +91,8 @@ pub(crate) fn classify(
     ok
 }
 
-/// Memory for the lanes that a network must see, where these are not all; used again and again.
+/// Memory for the lanes that a network must compute, where these are not all. It is reused
+/// from tile to tile.
 #[derive(Default)]
 pub(crate) struct Compact {
     /// Lanes of the batch, in increasing order.
@@ -100,8 +102,8 @@ pub(crate) struct Compact {
 }
 
 impl Compact {
-    /// Lets `evaluate` compute those of lanes `first ..` whose status is [`Status::Ok`],
-    /// `ok` in number. A value that is not finite becomes S_n.
+    /// Calls `evaluate` for those of lanes `first ..` whose status is [`Status::Ok`]; `ok`
+    /// is their number. A lane for which it writes a value that is not finite gets S_n.
     ///
     /// # Errors
     /// Those of `evaluate`.
@@ -128,7 +130,7 @@ impl Compact {
         Ok(())
     }
 
-    /// Lists the lanes that are [`Status::Ok`]; `status` begins with that of lane `first`.
+    /// Lists the lanes that are [`Status::Ok`]; `status[0]` is that of lane `first`.
     fn list_ok(&mut self, first: usize, status: &[Status]) {
         let lanes = (first..).zip(status).filter(|&(_, &status)| status == Status::Ok);
         self.list.clear();
@@ -147,7 +149,7 @@ fn replace_non_finite(
     let last = &last.to_slice().expect("a window is a run of whole rows")[first..];
     let chunks = values.chunks_mut(SIDE_BY_SIDE).zip(status.chunks_mut(SIDE_BY_SIDE));
     for ((values, status), last) in chunks.zip(last.chunks(SIDE_BY_SIDE)) {
-        // Nearly everywhere; without a branch per lane, this becomes vectors.
+        // The usual case. Without a branch for each lane, this becomes vector instructions.
         if values.iter().fold(true, |all, value| all & value.is_finite()) {
             continue;
         }
@@ -160,17 +162,18 @@ fn replace_non_finite(
     }
 }
 
-/// Lanes of a batch that a network must see, so that its tiles are full of them.
+/// The lanes of a batch that a network computes.
 #[derive(Clone, Copy)]
 pub(crate) enum Selection<'a> {
-    /// All from this one on.
+    /// All lanes from this one on.
     From(usize),
     /// In increasing order.
     These(&'a [usize]),
 }
 
 impl Selection<'_> {
-    /// Copies lanes `start ..` of these from a term of all lanes to `out`.
+    /// Fills `out` with the values of a term for these lanes, from number `start` of them
+    /// on. `term` has the values of all lanes.
     #[inline]
     pub(crate) fn gather(self, term: &[f32], start: usize, out: &mut [f32]) {
         match self {
@@ -195,7 +198,7 @@ mod tests {
         //                       ok  constant  bad input  bad output  overflown last term
         let window = ndarray::array![[1.0, 0.5, nan, 1.0, 1.0], [2.0, 0.5, 3.0, 2.0, inf]];
         let mut out = Estimates::default();
-        // Lanes 0 and 3 are all that the network sees.
+        // The network computes lanes 0 and 3 only.
         let seen = transform_active(window.view(), &mut out, |selection, out| {
             let mut terms = [0.0; 2];
             selection.gather(window.row(1).as_slice().expect("one row"), 0, &mut terms);

@@ -1,3 +1,5 @@
+//! The errors of this crate.
+
 use thiserror::Error;
 
 /// What can go wrong in this crate.
@@ -13,7 +15,7 @@ pub enum Error {
     /// A weights file could not be read.
     #[error("cannot read weights: {0}")]
     Io(#[from] std::io::Error),
-    /// What a source of [`Strips`](crate::Strips) reports.
+    /// The source of [`Strips`](crate::Strips) failed, as when a file is damaged.
     #[error(transparent)]
     Input(Box<dyn std::error::Error + Send + Sync>),
     /// Two inputs of a metric differ in length.

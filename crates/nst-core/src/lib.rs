@@ -1,11 +1,11 @@
 //! Sequence transformations for Monte Carlo estimates.
 //!
-//! A Monte Carlo integrator produces, for each integral, a sequence of
-//! progressive estimates S_1, S_2, … whose mean squared error falls as 1/n. A
-//! sequence transformation reads a few of these terms and returns a better
-//! estimate T_n. This crate holds the sequences ([`SequenceBatch`]), the
-//! transformations ([`Transform`]: networks and the [`methods`] that need no
-//! training) and the metrics that judge them ([`metrics`]). It knows nothing of renderers or images.
+//! A Monte Carlo integrator produces, for each integral, a sequence of progressive
+//! estimates S_1, S_2, … whose mean squared error falls as 1/n. A sequence transformation
+//! reads a few of these terms and returns a better estimate T_n. This crate contains the
+//! sequences ([`SequenceBatch`]), the transformations ([`Transform`]: networks and the
+//! [`methods`] that need no training) and the metrics that judge them ([`metrics`]). It
+//! does not know of renderers or images.
 //!
 //! ```
 //! use nst_core::{Estimates, MlpCpu, Network, SequenceBatch, Transform};
@@ -41,7 +41,7 @@ mod transform;
 
 pub use error::Error;
 pub use mlp::{Instructions, MlpCpu};
-pub use network::{BUILTIN, Builtin, Layer, Metadata, Network};
+pub use network::{Builtin, Layer, Metadata, Network};
 pub(crate) use sequence::sum_in_order;
 pub use sequence::{
     Extent, FOLDS, Grid, Keep, LANES_PER_BLOCK, LaneSums, Merging, SequenceBatch, Side, Strips,

@@ -8,13 +8,15 @@ use std::fmt;
 
 use crate::Error;
 
-/// Added to the denominator of relMSE and SMAPE.
+/// Added to the denominator of relMSE and SMAPE, so that nearly black lanes do not decide
+/// the mean: below a radiance of 0.1, it is the larger part of I² + 0.01.
 pub const EPSILON: f64 = 0.01;
 
-/// The share of pixels, those with the largest errors, that a trimmed mean leaves out.
+/// The share of pixels, those with the largest errors, that a trimmed mean leaves out: one
+/// in a thousand, as a few fireflies can decide a mean.
 pub const TRIMMED: f64 = 0.001;
 
-/// How far an estimate is from the reference.
+/// A measure of how far estimates are from the reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Metric {
     /// The mean squared error.
@@ -119,14 +121,14 @@ pub struct Means {
 /// The expected squared error, taken apart.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Decomposition {
-    /// An unbiased estimate of bias², from below zero on: mean ((x̄ − I)² − s²/R).
+    /// An unbiased estimate of bias², which may be below zero: mean ((x̄ − I)² − s²/R).
     pub bias_squared: f64,
     /// An unbiased estimate of the variance of a run: s² = Σ (x − x̄)² / (R − 1).
     pub variance: f64,
 }
 
-/// Compares independent runs with one reference, one run after the other. What it
-/// holds does not grow with their number.
+/// Compares independent runs with one reference, one run after the other. Its memory does
+/// not grow with their number.
 #[derive(Clone, Debug)]
 pub struct RunErrors<'a> {
     reference: &'a [f32],

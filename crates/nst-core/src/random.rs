@@ -1,15 +1,16 @@
 //! Random numbers that are the same everywhere: for simulations and tests.
 
-/// SplitMix64 (Steele, Lea, Flood: *Fast Splittable Pseudorandom Number Generators*,
-/// OOPSLA 2014). A renderer wants better: see the samplers of `nst-render`.
+/// SplitMix64 (Steele, Lea, Flood: *Fast Splittable Pseudorandom Number Generators*, OOPSLA
+/// 2014). Renderers need better ones: see the samplers of `nst-render`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SplitMix64(pub u64);
 
-/// 2⁶⁴ divided by the golden ratio, odd: what the state grows by.
-const GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
+/// The step of the state, an odd number near 2⁶⁴ divided by the golden ratio: the authors'
+/// choice.
+pub const GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
 
 impl SplitMix64 {
-    /// Independent numbers for each seed and stream.
+    /// The generator of a stream: every pair of seed and stream gives numbers of its own.
     #[must_use]
     pub fn of_stream(seed: u64, stream: u64) -> Self {
         Self(mix(mix(seed.wrapping_add(GAMMA)) ^ stream))
@@ -33,9 +34,11 @@ impl SplitMix64 {
     }
 }
 
-/// The generator's output function: a bijection in which every bit of the result depends
-/// on every bit of `z`.
-fn mix(mut z: u64) -> u64 {
+/// The generator's output function, with the authors' constants: a bijection in which every
+/// bit of the result depends on every bit of `z`.
+#[must_use]
+#[inline(always)]
+pub fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)

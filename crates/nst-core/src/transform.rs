@@ -1,18 +1,18 @@
-//! [`Transform`]: what every method is asked, its result type, and the identity.
+//! [`Transform`], the interface of every method; the type of its results; and the identity.
 
 use crate::{Error, SequenceBatch, Side, Strips, Whole};
 
 /// A method that maps each sequence of a batch to one estimate of its limit.
 ///
 /// It works in two phases. [`fit`](Self::fit) looks at the batch as a whole, strip by
-/// strip, and returns what [`applies`](Fitted::apply) to strips. So a batch that is larger
-/// than the memory gives the very bits that it gives in memory.
+/// strip, and returns what [`applies`](Fitted::apply) to strips. So every bit of the
+/// estimates is the same, whether the batch is in memory or comes in strips.
 pub trait Transform: Send + Sync {
     /// What the method reads.
     fn requires(&self) -> Requirements;
 
-    /// Learns from the batch what the method takes from it; many methods take nothing,
-    /// and are fitted at once. The result depends on the batch, but not on how it is cut.
+    /// Learns what the method must know of the batch as a whole. Most methods need nothing,
+    /// and return at once. The result depends on the batch, but not on how it is cut.
     ///
     /// # Errors
     /// Those of `strips`, and what concerns the whole batch, such as a lost GPU.
@@ -27,7 +27,7 @@ pub trait Transform: Send + Sync {
     }
 }
 
-/// A method that knows what it has to know of the batch.
+/// A method after [`Transform::fit`], ready for the strips of the batch.
 pub trait Fitted: Send + Sync {
     /// Writes one estimate per lane of a strip into `out`, whose previous content is
     /// dropped; lanes of a [halo](crate::Grid::with_halo) have none.
@@ -55,7 +55,7 @@ pub struct Requirements {
     pub sides: &'static [Side],
     /// The lanes that an estimate depends on, beside what was fitted.
     pub support: Support,
-    /// Whether the whole batch is looked at before any estimate is made.
+    /// Whether [`Transform::fit`] reads the whole batch.
     pub fits: bool,
 }
 
@@ -74,7 +74,8 @@ pub enum Support {
 }
 
 impl Requirements {
-    /// Those of a method that reads the last `window` terms of each lane and nothing else.
+    /// The requirements of a method that reads the last `window` terms of each lane and
+    /// nothing else.
     #[must_use]
     pub fn of_lane(window: usize) -> Self {
         Self { window, sides: &[], support: Support::Lane, fits: false }
@@ -96,7 +97,7 @@ impl Requirements {
     }
 }
 
-/// Whether a lane was transformed, or why it holds S_n instead.
+/// Whether a lane was transformed, or why it has S_n instead.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Status {
@@ -107,7 +108,8 @@ pub enum Status {
     NotFinite,
     /// Fewer terms are stored than the method reads.
     TooShort,
-    /// All that the method reads is equal: the sequence has converged, or has seen nothing yet.
+    /// All numbers that the method reads are equal: the sequence has converged, or its
+    /// samples have all been equal so far.
     Constant,
     /// A denominator of the method vanishes.
     ZeroDenominator,
@@ -143,8 +145,8 @@ impl Estimates {
         self.status.iter().filter(|&&lane| lane == status).count()
     }
 
-    /// How many lanes hold S_n because the method broke down on them. Constant
-    /// lanes do not count: on them S_n is what the method is meant to return.
+    /// How many lanes have S_n because the method broke down on them. Constant lanes do not
+    /// count: on them S_n is what the method is meant to return.
     #[must_use]
     pub fn fallen_back(&self) -> usize {
         self.status.len() - self.count(Status::Ok) - self.count(Status::Constant)
@@ -158,7 +160,8 @@ impl Estimates {
         self.status.resize(batch.lanes(), status);
     }
 
-    /// Makes room for so many lanes, all [`Status::Ok`], and lends values and statuses.
+    /// Makes room for `lanes` lanes, all [`Status::Ok`]. Returns the values, which are
+    /// still to be written, and the statuses.
     pub(crate) fn reset(&mut self, lanes: usize) -> (&mut [f32], &mut [Status]) {
         self.values.resize(lanes, 0.0);
         self.status.clear();

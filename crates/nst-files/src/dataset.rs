@@ -13,12 +13,12 @@ use nst_core::SequenceBatch;
 use safetensors::tensor::Metadata;
 use serde_json::json;
 
-use crate::{Error, output::OutputFile};
+use crate::{Error, output_file::OutputFile};
 
 /// The value of the metadata key `format`.
 pub const FORMAT: &str = "nst-dataset-1";
 
-/// The most bytes that a header may take, as in safetensors' own reader.
+/// The most bytes of a header: the limit of safetensors' own reader.
 const MOST_HEADER: u64 = 100_000_000;
 
 /// What the file says about its runs, in the safetensors metadata and the shape.
@@ -36,7 +36,7 @@ pub struct DatasetInfo {
     pub scene: String,
     /// The sampler's name.
     pub sampler: String,
-    /// The seed of run 0, where the others follow it.
+    /// The seed of run 0, if those of the others count up from it.
     pub first_seed: Option<u64>,
 }
 
@@ -52,7 +52,8 @@ impl DatasetInfo {
     pub fn read(path: &Path) -> Result<Self, Error> {
         let header = Header::read(path)?;
         if header.text("format")? != FORMAT {
-            let message = format!("no dataset: its format is '{}'", header.text("format")?);
+            let message =
+                format!("it is not a dataset: its format is '{}'", header.text("format")?);
             return Err(Error::malformed(path, message));
         }
         let size = [header.number("width")?, header.number("height")?];
@@ -147,7 +148,8 @@ impl<'a> Header<'a> {
         text.parse().map_err(|_| Error::malformed(self.path, message()))
     }
 
-    /// The samples behind each of the terms; files without them store all terms.
+    /// The number of samples behind each term; a file that does not say it stores all
+    /// terms.
     fn sample_counts(&self, terms: usize) -> Result<Vec<u32>, Error> {
         match self.optional("sample_counts") {
             Some(counts) => {
@@ -223,7 +225,7 @@ impl DatasetWriter {
     }
 }
 
-/// The JSON header, `length` bytes long or as long as it needs to be.
+/// The JSON header, padded to `length` bytes if it is shorter.
 fn header_bytes(info: &DatasetInfo, runs: u32, length: usize) -> Vec<u8> {
     let (lanes, terms) = (info.lanes(), info.sample_counts.len() as u64);
     let bytes = 4 * u64::from(runs) * terms * lanes;

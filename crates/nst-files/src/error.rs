@@ -1,8 +1,10 @@
+//! The errors of this crate.
+
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-/// What can go wrong with files; every message names the file it is about.
+/// What can go wrong with files. The messages name the file.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -24,7 +26,7 @@ pub enum Error {
         /// What is wrong, and what to do about it.
         message: String,
     },
-    /// An output would replace what must not be lost, or another output.
+    /// An output would replace an input, another output, or a file that must not be lost.
     #[error("'{}' is not written: {message}", path.display())]
     Output {
         /// The output.
@@ -32,7 +34,7 @@ pub enum Error {
         /// What it would replace, and what to do about it.
         message: String,
     },
-    /// What is to be written or put together does not fit together.
+    /// Data that are to be written, or combined, do not fit together.
     #[error("{0}")]
     Mismatch(String),
     /// Sequences that do not fit together.
@@ -53,7 +55,7 @@ impl Error {
         Self::Output { path: path.to_owned(), message: message.into() }
     }
 
-    /// Of the exr crate, while it works on a file.
+    /// An error of the exr crate while it reads or writes a file.
     pub(crate) fn exr(action: &'static str, path: &Path, error: exr::error::Error) -> Self {
         match error {
             exr::error::Error::Io(error) => Self::io(action, path, error),

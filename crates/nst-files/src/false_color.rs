@@ -1,6 +1,6 @@
 //! Numbers as colours: a logarithmic scale on the colour map *inferno*.
 
-use crate::{Error, output::OutputFile, png::write_rgb8};
+use crate::{Error, output_file::OutputFile, png::write_rgb8};
 
 /// Inferno by Nathaniel Smith and Stéfan van der Walt (matplotlib 3.11.2, CC0), in
 /// which equal steps look equally large: 33 of its colours in sRGB, linear between
@@ -60,7 +60,7 @@ pub fn write_png(
     write_rgb8(output, size, &bytes)
 }
 
-/// The colour at a position from 0 to 1.
+/// The colour at a position from 0 to 1; positions outside are clamped.
 fn color(position: f64) -> [u8; 3] {
     if position.is_nan() {
         return NOT_A_NUMBER;

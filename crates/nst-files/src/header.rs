@@ -1,4 +1,4 @@
-//! What an EXR file of any program contains, by its headers alone.
+//! What an EXR file of any program contains, read from its headers alone.
 
 use std::{
     collections::BTreeMap,
@@ -15,12 +15,11 @@ use exr::{
 
 use crate::{Error, limits::MOST_DEFLATED, rows::text};
 
-/// The first bytes of every EXR file.
+/// The first bytes of every EXR file: 20000630, little-endian.
 const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// The most samples that a byte of a file may decode to; a header that promises more
-/// is malformed. DWA stores a block of 8 by 8 equal samples in two bytes, which it
-/// deflates then.
+/// The most samples that a byte of a file may decode to; a header that promises more is
+/// malformed. DWA stores a block of 8 by 8 equal samples in two bytes, and deflates these.
 fn most_samples_per_byte(compression: Compression) -> u64 {
     match compression {
         Compression::DWAA(_) | Compression::DWAB(_) => MOST_DEFLATED * 64 / 2,
@@ -31,7 +30,7 @@ fn most_samples_per_byte(compression: Compression) -> u64 {
 /// The headers of an EXR file; at least one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExrHeader {
-    /// Its parts, in the file's order.
+    /// Its parts, in the order of the file.
     pub parts: Vec<Part>,
 }
 
@@ -46,7 +45,7 @@ pub struct Part {
     pub position: [i32; 2],
     /// How its pixels are compressed, and whether in scan lines or tiles.
     pub storage: String,
-    /// Whether pixels have varying numbers of samples.
+    /// Whether it is deep: each pixel has its own number of samples.
     pub deep: bool,
     /// The channels, sorted by name.
     pub channels: Vec<Channel>,
@@ -61,14 +60,14 @@ pub struct Channel {
     pub name: String,
     /// `f16`, `f32` or `u32`.
     pub kind: &'static str,
-    /// Whether it has a sample for each pixel, rather than for each few.
+    /// Whether it has a sample for each pixel; subsampled channels have fewer.
     pub full_resolution: bool,
 }
 
 /// Channels that make up a picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layer {
-    /// What users call it; empty for the R, G, B or Y of a file of one part.
+    /// The name that users give; empty for the R, G, B or Y of a file of one part.
     pub name: String,
     /// Index into [`ExrHeader::parts`].
     pub part: usize,
@@ -101,7 +100,7 @@ impl ExrHeader {
             let samples = width.saturating_mul(height).saturating_mul(part.channels.len() as u64);
             if samples > length.saturating_mul(most_samples_per_byte(header.compression)) {
                 let message = format!(
-                    "damaged: a file of {length} bytes cannot hold {width} by {height} pixels"
+                    "damaged: a file of {length} bytes cannot contain {width} by {height} pixels"
                 );
                 return Err(Error::malformed(path, message));
             }
@@ -109,8 +108,8 @@ impl ExrHeader {
         Ok(Self { parts })
     }
 
-    /// All layers that are pictures: R, G and B, or Y, or a channel that has a
-    /// layer for itself.
+    /// All layers that are pictures: R, G and B, or Y, or any channel that is alone in its
+    /// layer.
     #[must_use]
     pub fn layers(&self) -> Vec<Layer> {
         let mut layers = Vec::new();
@@ -124,7 +123,7 @@ impl ExrHeader {
         layers
     }
 
-    /// Finds the layer of a name, or the only one, or the main one.
+    /// Finds the layer of a name; without a name, the main picture, or else the only layer.
     ///
     /// # Errors
     /// What is wrong, and which layers there are.
@@ -195,7 +194,7 @@ impl ExrHeader {
 }
 
 impl Part {
-    /// The channels by what stands before the last dot of their names.
+    /// The channels, grouped by the part of their names before the last dot.
     fn groups(&self) -> BTreeMap<&str, Vec<(&str, usize)>> {
         let mut groups = BTreeMap::<_, Vec<_>>::new();
         for (index, channel) in self.channels.iter().enumerate() {
@@ -206,8 +205,8 @@ impl Part {
     }
 }
 
-/// The channels of a group that make a picture. A single channel that is no Y
-/// comes with its name.
+/// The channels of a group that make a picture. A single channel other than Y comes with
+/// its name.
 fn picture<'a>(group: &[(&'a str, usize)]) -> Option<(&'a str, Vec<usize>)> {
     let find = |wanted: &str| {
         group.iter().find(|(name, _)| name.eq_ignore_ascii_case(wanted)).map(|&(_, index)| index)
@@ -254,7 +253,7 @@ fn part(header: &RawHeader) -> Part {
     });
     Part {
         name: header.own_attributes.layer_name.as_ref().map(ToString::to_string),
-        // The library admits no window beyond 2³⁰.
+        // The library refuses windows beyond 2³⁰.
         size: [window.size.x() as u32, window.size.y() as u32],
         position: [window.position.x(), window.position.y()],
         storage: format!("{}, {}", header.compression, if tiled { "tiles" } else { "scan lines" }),

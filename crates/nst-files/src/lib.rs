@@ -1,10 +1,12 @@
-//! What stands on disk: sequences of progressive estimates and pictures of any program.
+//! The files of nst: sequences of progressive estimates, datasets for training, and
+//! pictures of any program.
 //!
-//! [`sequence_file`] reads and writes sequences as EXR files, some rows at a time;
-//! [`pack`] makes them of other renderers' pictures, [`merge`] of other sequences, and
+//! [`sequence_file`] reads and writes sequences as EXR files, some rows at a time; [`pack`]
+//! makes them from pictures of other renderers, [`merge`] from other sequences, and
 //! [`dataset`] stores many runs for training. [`picture`] and [`header`] read EXR files of
-//! any program; [`picture_writer`], [`png`] and [`false_color`] write pictures.
-//! [`output`] sees to it that files appear whole, and replace nothing that matters.
+//! any program; [`picture_writer`], [`png`] and [`false_color`] write pictures. [`output`]
+//! makes sure that files appear whole, and never replace an input or a file of another
+//! kind.
 //!
 //! The lanes of a picture are planar: lane = channel · width · height + y · width + x, with
 //! y counted from the top.
@@ -16,7 +18,8 @@ pub mod header;
 mod layers;
 mod limits;
 pub mod merge;
-pub mod output;
+mod output_file;
+mod outputs;
 pub mod pack;
 pub mod picture;
 pub mod picture_writer;
@@ -26,3 +29,11 @@ pub mod sequence_file;
 
 pub use error::Error;
 pub use layers::ColorModel;
+
+/// Files that appear whole or not at all, and that replace nothing that matters.
+pub mod output {
+    pub use crate::{
+        output_file::{OutputFile, commit},
+        outputs::{Kind, Name, Outputs},
+    };
+}

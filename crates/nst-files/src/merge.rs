@@ -1,9 +1,10 @@
 //! Sequences of one scene with different seeds as one sequence of all their samples.
 //!
-//! Let file f stand for s_f seeds, with n_k samples of each behind term k. The merged
-//! term is the mean at n_k Σ s_f samples: the mean of the files' terms with the
-//! weights w_f = s_f / Σ s. So are the folds, which stay means of disjoint subsets.
-//! The variance of the mean is Σ w_f² V_f, as the files are independent.
+//! Let file f have samples of s_f seeds, n_k of each behind term k. The merged term has n_k
+//! Σ s_f samples: it is the mean of the files' terms with the weights w_f = s_f / Σ s. The
+//! folds are merged in the same way, and stay means of disjoint subsets. The variance of
+//! the merged mean is Σ w_f² V_f, as the files are independent. Numbers of skipped samples
+//! are added.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -17,16 +18,16 @@ use nst_core::{Grid, Merging, SequenceBatch, Side, Strips};
 use crate::{
     Error,
     limits::strip_rows,
-    output::OutputFile,
+    output_file::OutputFile,
     sequence_file::{SequenceInfo, SequenceReader, SequenceWriter},
 };
 
-/// Sequences that fit together. They are read one at a time, strip by strip, so that
-/// neither memory nor open files grow with their number.
+/// Sequences that fit together. They are read one at a time, strip by strip: neither memory
+/// nor the number of open files grows with the number of sequences.
 pub struct Merge {
     paths: Vec<PathBuf>,
     info: SequenceInfo,
-    /// w_f, which add up to 1.
+    /// w_f of each file; their sum is 1.
     weights: Vec<f64>,
 }
 
@@ -36,7 +37,7 @@ impl Merge {
     ///
     /// # Errors
     /// [`Error::Io`] or [`Error::Malformed`] names the file and what is wrong with it, or
-    /// in what it differs from which other.
+    /// how it differs from another.
     pub fn open(paths: &[PathBuf]) -> Result<Self, Error> {
         let infos = paths
             .iter()
@@ -138,7 +139,7 @@ fn add(sums: &mut [f64], values: impl Iterator<Item = f32>, share: f64) {
     sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += share * f64::from(value));
 }
 
-/// What a file of weight w contributes of a side channel.
+/// The factor of a side channel of a file with weight w.
 fn share(side: &Side, weight: f64) -> f64 {
     match side.merging() {
         Merging::Mean => weight,
@@ -148,7 +149,8 @@ fn share(side: &Side, weight: f64) -> f64 {
     }
 }
 
-/// Side channels that all files must have, if one has them: a sum may be 0 without being told.
+/// Side channels that all files must have if one has them. Sums are not among them: a file
+/// without one counts as 0.
 fn required(info: &SequenceInfo) -> Vec<&Side> {
     info.sides.iter().filter(|side| side.merging() != Merging::Sum).collect()
 }
@@ -186,7 +188,7 @@ fn check_alike((first_path, first): Named<'_>, (path, info): Named<'_>) -> Resul
         };
         return differ("list of side channels", &names(info), &names(first));
     }
-    // Terms with equally many samples of each seed.
+    // Each term needs the same number of samples of every seed.
     let same = info.sample_counts.len() == first.sample_counts.len()
         && info.sample_counts.iter().zip(&first.sample_counts).all(|(&here, &there)| {
             u64::from(here) * first.seeds.len() as u64 == u64::from(there) * info.seeds.len() as u64
@@ -203,12 +205,12 @@ fn check_alike((first_path, first): Named<'_>, (path, info): Named<'_>) -> Resul
 
 fn check_mergeable((path, info): Named<'_>) -> Result<(), Error> {
     if let Some(side) = info.sides.iter().find(|side| side.merging() == Merging::Refuse) {
-        let message = format!("side channel '{side}': it is not known how to merge it");
+        let message = format!("side channel '{side}': nst does not know how to merge it");
         return Err(Error::malformed(path, message));
     }
     if info.seeds.is_empty() {
         let message = "it has no seed (nst.seed), so nothing tells whether it is independent of the \
-             others; give different ones with 'nst pack --seed'";
+             others; set different seeds with 'nst pack --seed'";
         return Err(Error::malformed(path, message));
     }
     Ok(())
@@ -233,6 +235,7 @@ fn check_seeds(infos: &[Named<'_>]) -> Result<(), Error> {
 
 /// The start of a long text.
 fn shortened(text: &str) -> String {
+    /// Characters that leave a message short enough for a line or two.
     const MOST: usize = 60;
     if text.len() <= MOST { text.to_owned() } else { format!("{}…", &text[..MOST]) }
 }

@@ -1,6 +1,6 @@
-//! Pictures from EXR files of any program: RGB or a single channel, f16, f32 or
-//! u32, scan lines or tiles, in any layer or part. They are read by ranges of
-//! rows, so that many large files can be worked on side by side.
+//! Pictures from EXR files of any program: RGB or a single channel, f16, f32 or u32, scan
+//! lines or tiles, in any layer or part. They are read by ranges of rows, so that many
+//! large files can be used together.
 
 use std::{
     collections::BTreeSet,
@@ -33,7 +33,7 @@ pub struct Picture {
     part: usize,
     /// Indices of the file's channels, in the order of the lanes.
     channels: Vec<usize>,
-    /// Width and height of the data window, which is taken for the picture.
+    /// Width and height in pixels of the data window, which counts as the picture.
     pub size: [u32; 2],
     /// Where the data window's left upper corner lies.
     pub position: [i32; 2],
@@ -46,10 +46,10 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Reads the header of a file and picks a layer: the named one, else the main
-    /// picture, else the only one. A layer is named by what stands before the
-    /// last dot of its channels' names, by its part's name, or by both; a single
-    /// channel by its whole name.
+    /// Reads the header of a file and picks a layer: the named one, else the main picture,
+    /// else the only one. The name of a layer is the part of its channels' names before the
+    /// last dot, the name of its part of the file, or both; a single channel by its whole
+    /// name.
     ///
     /// # Errors
     /// [`Error::Io`] or [`Error::Malformed`] names the file, what is wrong with it, and
@@ -65,7 +65,7 @@ impl Picture {
                 "deep pixels are not supported; flatten them first",
             ));
         }
-        // Else the samples of other channels would not be where the library looks for them.
+        // The library would look for the samples of the other channels in wrong places.
         if !part.channels.iter().all(|channel| channel.full_resolution) {
             let message = "channels of reduced resolution are not supported; resample them first";
             return Err(Error::malformed(path, message));
@@ -123,7 +123,7 @@ impl Picture {
         let width = self.size[0] as usize;
         let wanted = rows.start as usize..rows.end as usize;
         let plane = wanted.len() * width;
-        // Memory only for what is there.
+        // Memory only for pixels that the file has.
         let pixels = blocks.iter().map(|block| block.index.pixel_size.area()).sum::<usize>();
         if pixels < plane {
             return Err(incomplete());
@@ -141,17 +141,17 @@ impl Picture {
             }
             for line in block.lines(&header.channels) {
                 let (at, y) = (line.location, line.location.position.y());
-                let Some(lane) = self.channels.iter().position(|&c| c == at.channel) else {
+                let Some(channel) = self.channels.iter().position(|&c| c == at.channel) else {
                     continue;
                 };
                 if !wanted.contains(&y) {
                     continue;
                 }
-                let first = lane * plane + (y - wanted.start) * width + at.position.x();
+                let first = channel * plane + (y - wanted.start) * width + at.position.x();
                 let kind = header.channels.list[at.channel].sample_type;
                 read_line(&line, kind, &mut lanes[first..first + at.sample_count])
                     .map_err(|error| Error::exr("read", &self.path, error))?;
-                if lane == 0 {
+                if channel == 0 {
                     missing = missing.checked_sub(at.sample_count).ok_or_else(incomplete)?;
                 }
             }
@@ -187,8 +187,8 @@ impl Picture {
     }
 }
 
-/// Whether its pixels can have the sizes that a DWA block begins with.
-/// The library allocates what they say.
+/// Whether the sizes at the start of a DWA block are possible for its pixels. The library
+/// allocates as much as they say.
 fn sizes_are_plausible(chunk: &Chunk, header: &Header) -> bool {
     if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
         return true;

@@ -3,7 +3,7 @@
 use crate::{
     ColorModel, Error,
     layers::layer_channels,
-    output::OutputFile,
+    output_file::OutputFile,
     rows::{Attributes, RowWriter},
 };
 
@@ -30,8 +30,8 @@ impl<'a> PictureWriter<'a> {
         Ok(Self { rows: RowWriter::create(output, size, &channels, Attributes::new())?, model })
     }
 
-    /// Appends rows of each layer, as planar lanes. All but the last rows of a picture
-    /// come in multiples of 16.
+    /// Appends rows of each layer, as planar lanes. All calls but the last need a multiple
+    /// of 16 rows.
     ///
     /// # Errors
     /// [`Error::Io`] if they cannot be written, [`Error::Mismatch`] if they are not the
@@ -46,7 +46,8 @@ impl<'a> PictureWriter<'a> {
         self.rows.push(&planes)
     }
 
-    /// Completes the file, whose rows must all be there. The caller commits the output.
+    /// Completes the file; all its rows must have been pushed. The caller commits the
+    /// output.
     ///
     /// # Errors
     /// [`Error::Io`] if it cannot be written, [`Error::Mismatch`] if rows are missing.

@@ -4,10 +4,10 @@ use std::{fs::File, io::BufReader, path::Path};
 
 use crate::{
     Error,
-    output::{OutputFile, SOFTWARE},
+    output_file::{OutputFile, SOFTWARE},
 };
 
-/// The first bytes of every PNG file.
+/// The first bytes of every PNG file (PNG specification, section 5.2).
 pub(crate) const SIGNATURE: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
 
 /// Writes an 8-bit PNG: planar linear lanes R, G and B, clamped to [0, 1] and encoded by
@@ -23,7 +23,8 @@ pub fn write(output: &mut OutputFile, size: [u32; 2], rgb: &[f32]) -> Result<(),
     write_rgb8(output, size, &bytes)
 }
 
-/// Writes a PNG of bytes `[y][x][channel]`, as they are. It says that `nst` wrote it.
+/// Writes a PNG of bytes `[y][x][channel]`, as they are. Its metadata name `nst` as the
+/// program that wrote it.
 pub(crate) fn write_rgb8(
     output: &mut OutputFile,
     size: [u32; 2],

@@ -7,15 +7,14 @@ use nst_core::{FOLDS, Grid, LaneSums, SequenceBatch, Side, fold_count};
 use rayon::prelude::*;
 
 use crate::{
-    Error, RenderSettings, Rendering, memory,
+    Error, memory,
+    rendering::{CHANNELS, RenderSettings, Rendering},
     slots::Slots,
     tiles::{self, Tile},
 };
 
-/// R, G and B.
-pub(crate) const CHANNELS: usize = 3;
-
-/// The recorded numbers of the whole picture; images are in the order of tiles.
+/// The recorded numbers of the whole picture. The pixels of each plane are in the order of
+/// tiles.
 pub(crate) struct Film {
     grid: Grid,
     size: [u32; 2],
@@ -26,11 +25,11 @@ pub(crate) struct Film {
     terms: Vec<f32>,
     /// `[channel][pixel]`
     sums: Vec<LaneSums>,
-    /// By tile: how many samples were left out, of those pixels where any was.
+    /// By tile: the pixels with samples that counted as black, and their number.
     skipped: Vec<Skipped>,
 }
 
-/// By pixel of a tile.
+/// How many samples of a pixel counted as black, by its index in the tile.
 type Skipped = BTreeMap<u32, u32>;
 
 impl Film {
@@ -57,11 +56,11 @@ impl Film {
         })
     }
 
-    /// The film of an earlier rendering, that goes on.
+    /// The film of an earlier rendering, to be continued.
     ///
     /// # Errors
     /// As [`Self::new`]; [`Error::Settings`] if the rendering has another size or other
-    /// terms, or as many samples already.
+    /// terms, or has all samples already.
     pub(crate) fn of(
         start: Rendering,
         settings: &RenderSettings,
@@ -84,7 +83,7 @@ impl Film {
             );
             return Err(Error::Settings(message));
         }
-        // Without its sums, which are there already.
+        // Without its sums: `start` has them.
         let mut film = Self { sums: Vec::new(), ..Self::new(settings, size)? };
         for (k, count) in counts.into_iter().enumerate() {
             for slot in film.slots.of(count, samples) {
@@ -105,7 +104,7 @@ impl Film {
         Ok(Self { samples, sums, ..film })
     }
 
-    /// The part of each tile.
+    /// The tiles of the picture, each with its part of the film.
     pub(crate) fn tiles(&mut self) -> Vec<(Tile, TileFilm<'_>)> {
         let (pixels, slots) = (self.grid.pixels(), self.slots);
         let sums = tiles::split(self.sums.chunks_exact_mut(pixels), self.size);
@@ -164,9 +163,9 @@ pub(crate) struct TileFilm<'a> {
 }
 
 impl TileFilm<'_> {
-    /// Adds a sample to its pixel, in a pass that ends with S_`end`. Sums are in
-    /// f64: the differences between late terms are far below their size. A sample that
-    /// is not finite would leave nothing of the others: it counts as black.
+    /// Adds a sample to its pixel, in a pass that ends with S_`end`. Sums are in f64: the
+    /// differences between late terms are far below their size. A sample that is not finite
+    /// counts as black, as it would spoil the sums of all others.
     #[inline]
     pub(crate) fn add(&mut self, pixel: usize, index: u32, mut rgb: [f64; CHANNELS], end: u32) {
         if !rgb.iter().all(|x| x.is_finite()) {

@@ -1,12 +1,16 @@
-//! Whether a rendering fits the memory, before it begins.
+//! Checks whether a rendering fits into memory, before it begins.
 
 use bytemuck::Zeroable;
 use nst_core::LaneSums;
 
-use crate::{Error, RenderSettings, film::CHANNELS, slots::Slots};
+use crate::{
+    Error,
+    rendering::{CHANNELS, RenderSettings},
+    slots::Slots,
+};
 
 /// Bytes that a rendering of a size keeps: the terms and the sums of each lane. Side
-/// channels, made at the end, take the place of what the tracer needs before.
+/// channels are made at the end, when the memory of the tracer is free again.
 pub(crate) fn needed(size: [u32; 2], settings: &RenderSettings) -> u128 {
     let pixels = u128::from(size[0]) * u128::from(size[1]);
     pixels * bytes_per_pixel(settings)

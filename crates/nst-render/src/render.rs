@@ -1,63 +1,25 @@
-//! Renders a scene in passes over the picture: between two of them a rendering can stop,
-//! and be continued later.
+//! Renders a scene in passes over the picture. After each, a rendering can stop, and be
+//! continued later.
 
 use std::{
     ops::Range,
     sync::{Mutex, PoisonError},
-    time::{Duration, Instant},
+    time::Instant,
 };
 
 use glam::Vec2;
-use nst_core::{Keep, LaneSums, SequenceBatch, Side};
 use rayon::prelude::*;
 
 use crate::{
-    Error, PixelFilter, Sampler, SamplerKind, Scene,
+    Error, PixelFilter, Sampler, Scene,
     camera::Projection,
-    film::{CHANNELS, Film, TileFilm},
+    film::{Film, TileFilm},
     path::{PathTracer, Workspace},
+    rendering::{CHANNELS, RenderSettings, Rendering},
     tiles::Tile,
 };
 
-/// How to render, as opposed to what.
-#[derive(Clone, Copy, Debug)]
-pub struct RenderSettings {
-    /// Samples per pixel, at least 1.
-    pub spp: u32,
-    /// Which numbers to draw.
-    pub sampler: SamplerKind,
-    /// Seed of the sampler; different seeds give independent renderings.
-    pub seed: u64,
-    /// The terms to keep.
-    pub keep: Keep,
-}
-
-/// What [`render()`] returns.
-#[derive(Clone, Debug)]
-pub struct Rendering {
-    /// The kept terms, the fold means (where spp ≥ [`FOLDS`](nst_core::FOLDS)), the
-    /// variance of S_N (where spp ≥ 2), and the number of samples that were not finite
-    /// (where any was); three planar channels of lanes, in a grid.
-    pub batch: SequenceBatch,
-    /// What the rendering can be continued from, `[lane]`.
-    pub sums: Vec<LaneSums>,
-    /// How long it took, from the loaded scene.
-    pub time: Duration,
-    /// How much of that went into what paths need of the scene: the acceleration
-    /// structure, and tables for lights and materials.
-    pub build_time: Duration,
-}
-
-impl Rendering {
-    /// The number of samples that were not finite, and count as black.
-    #[must_use]
-    pub fn skipped(&self) -> u64 {
-        let counts = self.batch.side(&Side::Skipped).unwrap_or_default();
-        counts.iter().map(|&count| count as u64).sum()
-    }
-}
-
-/// What a rendering says and is told as it goes along.
+/// How a rendering reports its progress, and how it is stopped.
 #[derive(Clone, Copy)]
 pub struct Control<'a> {
     /// Is called with the number of paths of each tile that is done.
@@ -66,11 +28,13 @@ pub struct Control<'a> {
     pub stop: &'a (dyn Fn() -> bool + Sync),
 }
 
-/// Samples of each pixel of a tile that are traced side by side.
+/// Samples of each pixel of a tile that are traced side by side: 2048 paths of a tile,
+/// enough to fill packets of sixteen.
 const BATCH: u32 = 8;
 
-/// Paths of a pass, but for small and large pictures: enough for the end of a pass, at
-/// which threads wait for each other, not to count.
+/// The paths of a pass, unless that is less than one sample per pixel, or more than
+/// [`MOST_SPP_PER_PASS`]. Threads wait for each other at the end of a pass: after a million
+/// paths, this time does not matter.
 const PATHS_PER_PASS: u64 = 1 << 20;
 
 /// The most samples of a pixel in a pass: Ctrl-C ends a rendering after one.
@@ -91,13 +55,13 @@ pub fn render(
     render_from(None, scene, settings, Control { progress, stop: &|| false })
 }
 
-/// Renders from where an earlier rendering of the same scene and settings ended,
-/// but for the number of samples: the result is that of [`render()`], to the bit.
-/// If it is told to stop, its last term tells the samples that were reached.
+/// Continues an earlier rendering of the same scene with the same settings, except for the
+/// number of samples: all bits of the result are those of [`render()`]. If it is stopped,
+/// the last sample count of the result says how many samples there are.
 ///
 /// # Errors
-/// As [`render()`]; and if `start` does not have fewer samples or has another size
-/// or other terms.
+/// As [`render()`]; and if `start` has as many samples already, another size, or other
+/// terms.
 pub fn render_from(
     start: Option<Rendering>,
     scene: &Scene,
@@ -140,8 +104,8 @@ impl<'a> Frame<'a> {
         }
     }
 
-    /// Goes over the picture from the sample number `first` until each pixel has `spp`
-    /// samples, or until it is told to stop. Returns how many each pixel has.
+    /// Renders passes from the sample number `first` on, until each pixel has `spp`
+    /// samples, or until `control` stops it. Returns the number of samples of each pixel.
     fn trace_passes(
         &self,
         first: u32,
@@ -156,7 +120,8 @@ impl<'a> Frame<'a> {
         let mut n = first;
         loop {
             let pass = n..spp.min(n.saturating_add(step));
-            // Tiles differ in cost: none waits behind another while a thread is idle.
+            // Tiles differ in cost: each is a task of its own, so that no thread is idle
+            // while tiles wait.
             tiles.par_iter_mut().with_max_len(1).for_each(|(tile, film)| {
                 let thread = rayon::current_thread_index().unwrap_or_default();
                 let workspace = workspaces[thread].lock();
@@ -216,7 +181,10 @@ mod tests {
         sync::atomic::{AtomicU32, Ordering},
     };
 
+    use nst_core::Keep;
+
     use super::*;
+    use crate::SamplerKind;
 
     fn scene() -> Scene {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell/cornell.obj");

@@ -1,10 +1,10 @@
-//! Where the terms that are kept are in memory while samples come in.
+//! The places in memory of the terms that are kept, while samples are added.
 
 use nst_core::Keep;
 
-/// The places of terms during a rendering of at most N samples: a *slot* is for
-/// one term of all lanes. First come those of S_1, S_2, S_4, … if they are
-/// asked for, then a ring of the last terms.
+/// The places of terms during a rendering of at most N samples: a *slot* is for one term of
+/// all lanes. First come those of S_1, S_2, S_4, … if they are kept, then a ring of the
+/// last terms.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Slots {
     keep: Keep,

@@ -1,9 +1,10 @@
-//! The picture in tiles: what threads work on, and the order of its numbers meanwhile.
+//! The tiles of a picture: the units of work of threads, and the order of pixels in memory
+//! during a rendering.
 
 use rayon::prelude::*;
 
-/// Pixels along the side of a tile, the unit of work: enough for full packets, and so few
-/// that all threads have work until shortly before the end.
+/// Pixels along the side of a tile: enough to fill packets, and small enough that all
+/// threads have work almost until the end.
 const TILE: u32 = 16;
 
 /// A rectangle of pixels.
@@ -66,14 +67,14 @@ pub(crate) fn to_tiles<T: Copy + Send>(images: &mut [T], size: [u32; 2]) {
     reorder(images, size, |tiled, row| (tiled, row));
 }
 
-/// Undoes [`to_tiles`].
+/// The inverse of [`to_tiles`].
 pub(crate) fn to_rows<T: Copy + Send>(images: &mut [T], size: [u32; 2]) {
     reorder(images, size, |tiled, row| (row, tiled));
 }
 
-/// Moves each row of each tile. `places` gets where the row is in the order of tiles and
-/// in the order of rows, and returns (to, from). In both orders, a row of tiles has the
-/// same part of the image, so that each can be reordered by itself.
+/// Moves each row of each tile. `places` gets the index of the row in the order of tiles
+/// and in the order of rows, and returns (to, from). In both orders, a row of tiles is the
+/// same part of the image, so that each can be reordered alone.
 fn reorder<T: Copy + Send>(
     images: &mut [T],
     [width, height]: [u32; 2],

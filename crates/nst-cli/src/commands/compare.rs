@@ -12,7 +12,8 @@ use serde::Serialize;
 
 use crate::{args::CompareArgs, error::Error};
 
-/// The range of the error map. The same for all pictures, so that maps compare.
+/// The range of the error map: from where noise is no longer visible to errors above the
+/// radiance itself. It is the same for all pictures, so that maps can be compared.
 const MAP_SCALE: [f64; 2] = [1e-5, 1e1];
 
 /// How far the pictures are from the reference.
@@ -33,7 +34,8 @@ pub(super) struct Report {
     error_map: Option<Map>,
 }
 
-/// A metric: means over the runs. What needs two runs, or a square, may be missing.
+/// The means of a metric over the runs. Values that need two runs or a squared metric may
+/// be missing.
 #[derive(Serialize)]
 struct Row {
     error: f64,
@@ -113,7 +115,7 @@ fn check_comparable(run: &Picture, reference: &Picture) -> Result<(), Error> {
         return Ok(());
     }
     Err(Error::Unlike(format!(
-        "'{}' has {}, but the reference '{}' has {}; only like can be compared with like",
+        "'{}' has {}, but the reference '{}' has {}; they must have the same size and number of channels",
         run.path().display(),
         of(run),
         reference.path().display(),

@@ -1,3 +1,5 @@
+//! One module for each command; each returns its report.
+
 mod bench;
 mod compare;
 mod info;
@@ -8,7 +10,7 @@ mod transform;
 
 use crate::{args::Command, error::Error, report::Done};
 
-/// The most numbers or names that a line of text lists.
+/// The most numbers or names that a line of text lists, so that it fits a screen.
 const MOST_LISTED: usize = 12;
 
 /// Runs a command; the caller prints what it reports.
@@ -24,12 +26,13 @@ pub(crate) fn run(command: &Command) -> Result<Done, Error> {
     }
 }
 
-/// Numbers, as [`list`] does names.
+/// Numbers as text, like the names of [`list`].
 fn numbers(numbers: &[u32]) -> String {
     list(&numbers.iter().map(u32::to_string).collect::<Vec<_>>(), "none")
 }
 
-/// Names one after the other; the middle of a long list is left out.
+/// Names as text; the middle of a long list is left out, and `none` is the text of an empty
+/// one.
 fn list(names: &[impl AsRef<str>], none: &str) -> String {
     let names: Vec<_> = names.iter().map(AsRef::as_ref).collect();
     match names.len() {

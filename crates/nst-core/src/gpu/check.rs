@@ -4,10 +4,13 @@
 use std::sync::Arc;
 
 use half::f16;
-use ndarray::Array2;
+use ndarray::{Array2, ArrayView2};
 
-use super::{Kernel, MlpGpu, Precision};
-use crate::{Error, Layer, MlpCpu, Network, compact::Selection};
+use super::{
+    device::Gpu,
+    options::{Kernel, Precision},
+};
+use crate::{Error, Layer, MlpCpu, Network};
 
 /// Lanes that are compared: no multiple of any tile.
 const COMPARED: usize = 333;
@@ -19,26 +22,28 @@ const LARGEST_DIFFERENCE: f32 = 1e-3;
 /// The same for activations in f16, whose rounding is some 10⁻³.
 const LARGEST_DIFFERENCE_F16: f32 = 2e-2;
 
-/// Fails if the GPU does not compute what the CPU does, on some windows in [0, 1). It stays
-/// on this thread: the others may be busy with the job for which the GPU is being opened.
+/// Fails if `evaluate`, on the GPU, does not compute what the CPU does, on some windows
+/// `[term][lane]` in [0, 1). It stays on this thread: the others may be busy with the job
+/// for which the GPU is being opened.
 pub(super) fn compare_with_cpu(
-    mlp: &MlpGpu,
-    kernel: Kernel,
-    precision: Precision,
+    gpu: &Gpu,
+    network: &Arc<Network>,
+    (kernel, precision): (Kernel, Precision),
+    evaluate: impl FnOnce(ArrayView2<'_, f32>, &mut [f32]) -> Result<(), Error>,
 ) -> Result<(), Error> {
-    let terms = mlp.network().metadata().window;
+    let terms = network.metadata().window;
     let window = Array2::from_shape_fn((terms, COMPARED), |(term, lane)| {
         // Multiples of the golden ratio are spread evenly, and no two are equal.
         ((1 + term * COMPARED + lane) as f32 * 0.618_034).fract()
     });
-    let (network, bound) = match (kernel, precision) {
-        (Kernel::Cooperative, _) => (Arc::clone(mlp.network()), LARGEST_DIFFERENCE_F16),
-        (_, Precision::F32) => (Arc::clone(mlp.network()), LARGEST_DIFFERENCE),
-        (_, Precision::F16) => (Arc::new(in_f16(mlp.network())?), LARGEST_DIFFERENCE),
+    let (on_cpu_network, bound) = match (kernel, precision) {
+        (Kernel::Cooperative, _) => (Arc::clone(network), LARGEST_DIFFERENCE_F16),
+        (_, Precision::F32) => (Arc::clone(network), LARGEST_DIFFERENCE),
+        (_, Precision::F16) => (Arc::new(in_f16(network)?), LARGEST_DIFFERENCE),
     };
     let (mut on_gpu, mut on_cpu) = ([0.0; COMPARED], [0.0; COMPARED]);
-    mlp.evaluate(window.view(), Selection::From(0), &mut on_gpu, None)?;
-    MlpCpu::new(network).evaluate_here(window.view(), &mut on_cpu);
+    evaluate(window.view(), &mut on_gpu)?;
+    MlpCpu::new(on_cpu_network).evaluate_here(window.view(), &mut on_cpu);
     let finite = on_cpu.iter().filter(|cpu| cpu.is_finite());
     let scale = finite.map(|cpu| cpu.abs()).fold(0.0, f32::max);
     let right = |gpu: f32, cpu: f32| {
@@ -48,9 +53,9 @@ pub(super) fn compare_with_cpu(
     };
     match on_gpu.into_iter().zip(on_cpu).find(|&(gpu, cpu)| !right(gpu, cpu)) {
         None => Ok(()),
-        Some((gpu, cpu)) => {
-            let what = format!("the {kernel} kernel's results are wrong: {gpu:e}, not {cpu:e}");
-            Err(mlp.gpu().error(what))
+        Some((wrong, cpu)) => {
+            let what = format!("the {kernel} kernel's results are wrong: {wrong:e}, not {cpu:e}");
+            Err(gpu.error(what))
         }
     }
 }
@@ -73,7 +78,10 @@ pub(super) mod tests {
     };
 
     use super::*;
-    use crate::gpu::{AdapterKind, Gpu, kernel::Variant};
+    use crate::{
+        compact::Selection,
+        gpu::{AdapterKind, MlpGpu, kernel::Variant},
+    };
 
     /// An adapter that `open` opens, as the environment variable NST_GPU allows; says so if there is none.
     pub(in crate::gpu) fn adapter(open: impl FnOnce() -> Result<Gpu, Error>) -> Option<Gpu> {
@@ -128,7 +136,10 @@ pub(super) mod tests {
             };
             let check = |source: String| {
                 let mlp = MlpGpu::compile(gpu.clone(), Arc::clone(&network), &variant, source);
-                compare_with_cpu(&mlp.expect("it compiles"), kernel, precision)
+                let mlp = mlp.expect("it compiles");
+                compare_with_cpu(&gpu, &network, (kernel, precision), |window, out| {
+                    mlp.evaluate(window, Selection::From(0), out, None)
+                })
             };
             let right = variant.source();
             check(right.clone()).expect("it is right");

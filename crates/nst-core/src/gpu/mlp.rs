@@ -9,7 +9,8 @@ use super::{
     buffers::{Buffers, Weights, most_bytes},
     check::compare_with_cpu,
     fault::{self, Fault},
-    kernel::{Kernel, Precision, Variant},
+    kernel::Variant,
+    options::GpuOptions,
     pack::Params,
 };
 use crate::{
@@ -20,15 +21,6 @@ use crate::{
 /// Lanes per submission where the adapter sets no lower limit: 8 MiB of terms at
 /// window 8. Two are under way at a time.
 const MAX_CHUNK: u64 = 1 << 18;
-
-/// How [`MlpGpu`] is to evaluate a network.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct GpuOptions {
-    /// The shader.
-    pub kernel: Kernel,
-    /// Of the weights.
-    pub precision: Precision,
-}
 
 /// Evaluates a [`Network`] in a WGSL compute shader; lanes stream through the
 /// device in chunks, so that no buffer limit bounds the size of a batch. While one
@@ -72,21 +64,15 @@ impl MlpGpu {
             source = source.replacen("leaky_relu", "leaky_rule", 1);
         }
         let mlp = Self::compile(gpu, network, &variant, source)?;
-        compare_with_cpu(&mlp, kernel, precision)?;
+        compare_with_cpu(&mlp.gpu, &mlp.network, (kernel, precision), |window, out| {
+            mlp.evaluate(window, Selection::From(0), out, None)
+        })?;
         Ok(mlp)
     }
 
     /// How many terms the network reads.
-    pub(super) fn window(&self) -> usize {
+    fn window(&self) -> usize {
         self.network.metadata().window
-    }
-
-    pub(super) fn gpu(&self) -> &Gpu {
-        &self.gpu
-    }
-
-    pub(super) fn network(&self) -> &Arc<Network> {
-        &self.network
     }
 
     /// An evaluation by this source, right or wrong.

@@ -7,8 +7,9 @@ mod failure;
 mod fault;
 mod kernel;
 mod mlp;
+mod options;
 mod pack;
 
 pub use device::{AdapterKind, Gpu, LowerLimits};
-pub use kernel::{Kernel, Precision};
-pub use mlp::{GpuOptions, MlpGpu};
+pub use mlp::MlpGpu;
+pub use options::{GpuOptions, Kernel, Precision};

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use half::f16;
 
-use super::kernel::Precision;
+use super::options::Precision;
 use crate::{Error, Layer, Network};
 
 /// `Params` of the shaders.

@@ -22,9 +22,9 @@ impl Extrapolation for Aitken {
     }
 }
 
-/// Aitken's Δ² applied to its own results, three times: 7 terms → 5 → 3 → 1
-/// (Weniger 1989, section 5.1). Where a later iteration has a vanishing
-/// denominator, usually because the one before has converged, that one stands.
+/// Aitken's Δ² applied to its own results, three times: 7 terms → 5 → 3 → 1 (Weniger 1989,
+/// section 5.1). Where a later iteration has a vanishing denominator, usually because the
+/// one before has converged, T is the result of the one before.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct IteratedAitken;
 

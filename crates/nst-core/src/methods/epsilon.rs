@@ -7,9 +7,8 @@ use super::extrapolation::{Extrapolation, MAX_TERMS, Tile, WIDTH, difference};
 /// ε_{−1}^{(j)} = 0, ε_0^{(j)} = S_j,
 /// ε_{k+1}^{(j)} = ε_{k−1}^{(j+1)} + 1 / (ε_k^{(j+1)} − ε_k^{(j)}), T = ε_6^{(0)}.
 ///
-/// Exact for S_j = S + c_1 λ_1^j + c_2 λ_2^j + c_3 λ_3^j. Does not read sample
-/// counts. If a difference vanishes, the newest element of the last whole even
-/// column stands.
+/// Exact for S_j = S + c_1 λ_1^j + c_2 λ_2^j + c_3 λ_3^j. Does not read sample counts. If a
+/// difference vanishes, T is the newest element of the last complete even column.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct WynnEpsilon;
 

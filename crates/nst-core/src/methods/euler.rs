@@ -2,8 +2,8 @@
 
 use super::extrapolation::{Extrapolation, Tile, WIDTH};
 
-/// Euler's transformation of the last eight terms: the mean of neighbours, seven
-/// times over,
+/// Euler's transformation of the last eight terms: the mean of neighbours, taken seven
+/// times,
 ///
 /// T = 2^{−k} Σ_j C(k, j) S_j, k = 7.
 ///

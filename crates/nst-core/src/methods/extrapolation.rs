@@ -1,26 +1,26 @@
-//! What the classical methods share: tiles of lanes, and when S_n is returned instead.
+//! What the classical methods share: tiles of lanes, and the rules that return S_n instead.
 
 use rayon::prelude::*;
 
 use crate::{Error, Estimates, Fitted, Requirements, SequenceBatch, Status, Strips, Transform};
 
-/// Lanes that are extrapolated together. The innermost loops run over them, and
-/// compilers turn those into vector instructions.
+/// Lanes that are extrapolated together: two vectors of AVX-512 or four of AVX2. The
+/// innermost loops run over them, and compilers turn those into vector instructions.
 pub const WIDTH: usize = 16;
 
 /// One number for each lane of a tile.
 pub type Tile = [f64; WIDTH];
 
-/// No method reads more terms than this.
+/// No method reads more terms than this; it is the size of a tile on the stack.
 pub(super) const MAX_TERMS: usize = 16;
 
-/// Lanes per task of the thread pool.
+/// Lanes per task of the thread pool: enough tiles that the cost of a task does not matter.
 const CHUNK: usize = 64 * WIDTH;
 
-/// How far a limit may lie from S_N, in units of n_N/(n_N − n_1) times the
-/// spread of the window. A remainder that falls as 1/n lies within n_1/(n_N −
-/// n_1) spreads, and all faster ones closer; ten leaves room for slower ones.
-/// What lies beyond is rounding or noise, magnified.
+/// How far a limit may lie from S_N, in units of n_N/(n_N − n_1) times the spread of the
+/// window. A remainder that falls as 1/n lies within n_1/(n_N − n_1) spreads, and all
+/// faster ones closer; ten leaves room for slower ones. A limit farther away is magnified
+/// rounding or noise.
 const FARTHEST: f64 = 10.0;
 
 /// A method that computes the limit of a sequence from its last terms alone.
@@ -123,7 +123,7 @@ impl<E: Extrapolation> Fitted for FromTerms<'_, E> {
     }
 }
 
-/// What the terms of a tile say about its limits.
+/// What the terms of a tile say about which limits are possible.
 struct Seen {
     least: Tile,
     greatest: Tile,
@@ -164,8 +164,8 @@ impl Seen {
     }
 }
 
-/// a − b, or 0 where that is nothing but rounding: the operands of f32 terms are
-/// exact, but those of later columns of a table carry a few units of f64's last place.
+/// a − b, or 0 where the difference is only rounding: the operands of f32 terms are exact,
+/// but those of later columns of a table carry a few units of f64's last place.
 #[inline(always)]
 pub(super) fn difference(a: f64, b: f64) -> f64 {
     let difference = a - b;

@@ -1,4 +1,4 @@
-//! What the robust methods share: the means of four folds of each lane's samples.
+//! What the robust methods share: they map the means of the four folds of each lane.
 
 use rayon::prelude::*;
 
@@ -7,7 +7,7 @@ use crate::{Error, Estimates, FOLDS, Requirements, SequenceBatch, Side, Status, 
 /// Lanes per task of the thread pool: some 30 µs of work.
 pub(super) const CHUNK: usize = 4096;
 
-/// What a method requires that maps S_n and the fold means of each lane.
+/// The requirements of a method that maps S_n and the fold means of each lane.
 pub(super) const OF_FOLDS: Requirements =
     Requirements { window: 1, sides: Side::ALL_FOLDS, support: Support::Lane, fits: false };
 
@@ -48,7 +48,7 @@ pub(super) fn map_folds(
     Ok(())
 }
 
-/// The estimate and its status, or S_n and why.
+/// The estimate and its status, or S_n and the reason for it.
 pub(super) fn judge(last: f32, folds: [f64; FOLDS], value: f32) -> (f32, Status) {
     let [a, b, c, d] = folds;
     let finite = 0.0 * (a + b + c + d + f64::from(last)) == 0.0;

@@ -12,11 +12,10 @@ use super::extrapolation::{Extrapolation, MAX_TERMS, Tile, WIDTH, difference};
 ///
 /// T = δ^k(S_n / ω_n) / δ^k(1 / ω_n).
 ///
-/// For consecutive terms this is Levin's formula with weights n^{k−1}. Sample
-/// counts are read: for steps longer than one, ΔS_{n−1} becomes the mean step
-/// (S_n − S_m)/(n − m), as in Sidi's d^{(1)}-transformation but for the mean.
-/// Steps should be equal; where they vary, ω_n is no smooth function of n, and
-/// little is gained.
+/// For consecutive terms this is Levin's formula with weights n^{k−1}. Sample counts are
+/// read: for steps longer than one, ΔS_{n−1} becomes the mean step (S_n − S_m)/(n − m), as
+/// in Sidi's d^{(1)}-transformation, but that one takes the last single step. Steps should
+/// be equal; where they vary, ω_n is not a smooth function of n, and T gains little.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LevinU;
 
@@ -28,8 +27,8 @@ impl Extrapolation for LevinU {
     fn limits(&self, counts: &[f64], terms: &mut [Tile]) -> Tile {
         let order = terms.len() - 2;
         let last = terms[terms.len() - 1];
-        // Rows j = 0 … k stand for the terms 1 … k + 1. S_n counts from the last
-        // term, which keeps the digits that the quotient would cancel.
+        // Rows j = 0 … k stand for the terms 1 … k + 1. The last term is subtracted from
+        // each S_n and added at the end: its digits would cancel in the quotient.
         let mut numerator = [[0.0; WIDTH]; MAX_TERMS];
         let mut denominator = [[0.0; WIDTH]; MAX_TERMS];
         for j in 0..=order {

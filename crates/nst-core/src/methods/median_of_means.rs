@@ -5,9 +5,9 @@ use crate::{Error, Estimates, Fitted, Requirements, SequenceBatch, Strips, Trans
 
 /// T = the median of the four fold means: the mean of the middle two.
 ///
-/// One fold may hold any outlier without harm. The price: on skewed samples the
-/// median of means lies below the mean, and on normal ones its variance is 1.19
-/// times that of the mean.
+/// One fold may contain any outlier without harm. The price: on skewed samples the median
+/// of means lies below the mean, and on normal ones its variance is 1.19 times that of the
+/// mean.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MedianOfMeans;
 

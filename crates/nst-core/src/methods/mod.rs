@@ -57,7 +57,7 @@ pub const METHODS: &[&str] = &[
     "ridge",
 ];
 
-/// The method of a name in [`METHODS`].
+/// The method of a name in [`METHODS`]; `None` for other names.
 #[must_use]
 pub fn method(name: &str) -> Option<Box<dyn Transform>> {
     Some(match name {
@@ -70,7 +70,8 @@ pub fn method(name: &str) -> Option<Box<dyn Transform>> {
     })
 }
 
-/// The classical method of a name in [`METHODS`], for single sequences in f64.
+/// The classical method of a name in [`METHODS`], for single sequences in f64; `None` for
+/// other names.
 #[must_use]
 pub fn extrapolation(name: &str) -> Option<&'static dyn Extrapolation> {
     Some(match name {

@@ -11,8 +11,8 @@ use crate::{
 
 /// T = the mean of I over the family of integrals, whatever the samples say.
 ///
-/// A method whose gain this constant matches has learned the family's mean and
-/// nothing else. Its error does not fall with n.
+/// A method that gains no more than this constant has learned the family's mean and nothing
+/// else. Its error does not fall with n.
 #[derive(Clone, Copy, Debug)]
 pub enum PriorMean {
     /// The mean is known, and finite.

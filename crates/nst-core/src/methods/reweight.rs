@@ -4,10 +4,11 @@
 use super::folds::{OF_FOLDS, map_folds, sort_by};
 use crate::{Error, Estimates, FOLDS, Fitted, Requirements, SequenceBatch, Strips, Transform};
 
-/// How many times brighter than what vouches for it a fold mean may be.
+/// κ: how many times brighter than the mean of the darker ones a fold mean may be before it
+/// counts less. Our choice; the paper leaves κ to the user.
 const KAPPA: f64 = 4.0;
 
-/// Fold means that are far brighter than the darker ones vouch for count less.
+/// Fold means that are far brighter than the darker ones count less.
 ///
 /// From dark to bright, with the weighted mean m_i of the magnitudes before x_i,
 ///
@@ -27,11 +28,11 @@ impl Fitted for Reweight {
     fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
         map_folds(strip, out, |last, folds| {
             let sorted = sort_by(folds, f64::abs);
-            let (mut vouching, mut excess) = (sorted[0].abs(), 0.0);
+            let (mut darker, mut excess) = (sorted[0].abs(), 0.0);
             for (i, &x) in sorted.iter().enumerate().skip(1) {
                 // For x_i = 0 the weight does not matter; `min` then drops 0/0.
-                let weight = (KAPPA * vouching / i as f64 / x.abs()).min(1.0);
-                vouching += weight * x.abs();
+                let weight = (KAPPA * darker / i as f64 / x.abs()).min(1.0);
+                darker += weight * x.abs();
                 excess += (1.0 - weight) * x;
             }
             last - excess / FOLDS as f64

@@ -13,7 +13,8 @@ use crate::{
     sum_in_order,
 };
 
-/// Learns from the batch how much of what three folds say of the fourth is noise.
+/// Learns from the batch how to predict one fold mean from the other three, and corrects
+/// S_n by what it has learned.
 ///
 /// The mean y of a held-out fold is an unbiased estimate of I that is independent
 /// of the other three folds, so that least squares on it estimates
@@ -22,23 +23,26 @@ use crate::{
 ///
 /// β = argmin Σ (y − x − β·φ)² + λ |β|², T = S_n + mean over the held-out fold of β·φ.
 ///
-/// The sum is over lanes and over the four choices of y. Features are centred and
-/// scaled to unit variance; λ draws T towards S_n. *Cross-fitted*: β for one half of
-/// the lanes comes from the other, so that no lane is corrected by what its own noise
-/// has taught. The channels of a pixel share their samples, and are in one half: pixels
-/// are split like the squares of a chessboard. Without a grid, every other lane is.
+/// The sum is over lanes and over the four choices of y. Features are centred and scaled to
+/// unit variance; λ draws T towards S_n. *Cross-fitted*: β for one half of the lanes comes
+/// from the other, so that the noise of a lane has no part in its own correction. The
+/// channels of a pixel share their samples, and are in the same half: pixels are split like
+/// the squares of a chessboard. Without a grid, every other lane is.
 ///
-/// Wants folds that are independent: those of a low-discrepancy sequence are not.
-/// As each prediction knows three quarters of the samples, T is drawn a little
-/// more towards the batch's mean than n samples would need.
+/// Needs independent folds: those of a low-discrepancy sequence are not. As each prediction
+/// knows three quarters of the samples, T is drawn a little more towards the batch's mean
+/// than n samples would need.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Ridge;
 
-/// Per lane and sample of the fit, λ = `RELATIVE` · samples + `ABSOLUTE`: the
-/// first bounds the condition number, the second speaks where lanes are few.
+/// λ = `RELATIVE` · samples of the fit + `ABSOLUTE`. This part bounds the condition number
+/// of the normal equations by [`FEATURES`] / `RELATIVE` = 8000.
 const RELATIVE: f64 = 1e-3;
+
+/// The other part of λ: a fit of fewer than about a hundred samples stays close to S_n.
 const ABSOLUTE: f64 = 100.0;
 
+/// The number of [`features`].
 const FEATURES: usize = 8;
 
 type Features = [f64; FEATURES];
@@ -58,7 +62,7 @@ impl Transform for Ridge {
             |part| halves.iter_mut().zip(&part).for_each(|(sum, part)| sum.merge(part)),
         )?;
         let [first, second] = halves.map(|half| half.fit());
-        // Each half is corrected by what the other has taught.
+        // Each half is corrected by what was learned from the other.
         Ok(Box::new(Corrections { unit, of_half: [second, first] }))
     }
 }
@@ -118,9 +122,9 @@ impl Fitted for Corrections {
 
 /// The features of three fold means, and their mean.
 ///
-/// The means from dark to bright, for what is linear; the same compressed to (−1,
-/// 1), as the mean of bright lanes says little of dark ones; how far the means
-/// disagree, by itself and in bright lanes.
+/// The means from dark to bright; the same compressed to (−1, 1), so that bright lanes do
+/// not decide the fit for dark ones; how far the means disagree, alone and times the
+/// brightness.
 #[inline(always)]
 fn features([a, b, c]: [f64; 3]) -> (Features, f64) {
     let [low, middle, high, _] = sort_by([a, b, c, f64::INFINITY], |x| x);
@@ -193,7 +197,8 @@ impl Moments {
         let count = self.count.max(1.0);
         let mean = self.sum.map(|sum| sum / count);
         let covariance = |i: usize, j: usize| self.products[i][j] / count - mean[i] * mean[j];
-        // A feature that does not vary, to the precision of the sums, is left out.
+        // A feature whose variance is below the rounding of the sums (1e-12 of the squares,
+        // as f64 has 16 digits and the sums have many terms) is left out.
         let scale: Features = std::array::from_fn(|i| {
             let variance = covariance(i, i);
             let rounding = 1e-12 * self.products[i][i] / count;
@@ -265,8 +270,8 @@ mod tests {
         (0..12).map(|_| uniform(seed)).sum::<f64>() - 6.0
     }
 
-    /// Lanes with I normal around 1, standard deviation 0.2, and folds with noise
-    /// of so much around I.
+    /// Lanes with I normal around 1, standard deviation 0.2, and folds with noise of this
+    /// standard deviation around I.
     fn normal_lanes(deviation: f64) -> (Vec<f64>, Vec<[f32; FOLDS]>) {
         let mut seed = 1;
         let lane = |_| {

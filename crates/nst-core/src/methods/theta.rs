@@ -9,9 +9,9 @@ use super::extrapolation::{Extrapolation, MAX_TERMS, Tile, WIDTH, difference};
 /// θ_{2k+2}^{(j)} = θ_{2k}^{(j+1)} + Δθ_{2k}^{(j+1)} Δθ_{2k+1}^{(j+1)} / Δ²θ_{2k+1}^{(j)},
 /// T = θ_4^{(0)}, where Δ acts on j.
 ///
-/// Accelerates linear and many logarithmic sequences (Weniger 1989, section 10).
-/// It does not read sample counts, and its derivation wants equal steps. Where
-/// θ_4 breaks down, the newest θ_2 stands.
+/// Accelerates linear and many logarithmic sequences (Weniger 1989, section 10). It does
+/// not read sample counts, and its derivation assumes equal steps. Where θ_4 breaks down, T
+/// is the newest θ_2.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BrezinskiTheta;
 

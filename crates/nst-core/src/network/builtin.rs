@@ -1,9 +1,9 @@
 //! The networks inside the crate.
 
-use super::Network;
+use super::model::Network;
 use crate::Error;
 
-/// Names and files of networks in `weights/`; one more is one more name.
+/// The names of networks, and their files in `weights/`.
 macro_rules! builtin {
     ($($name:literal),* $(,)?) => {
         [$(($name, include_bytes!(concat!("../../weights/", $name, ".safetensors")).as_slice())),*]
@@ -11,8 +11,7 @@ macro_rules! builtin {
 }
 
 /// The networks inside the crate: a name and the bytes of the file.
-#[doc(hidden)]
-pub const BUILTIN: &[(&str, &[u8])] = &builtin!(
+const BUILTIN: &[(&str, &[u8])] = &builtin!(
     "cornell",
     "families",
     "gaussian",
@@ -32,7 +31,7 @@ pub const BUILTIN: &[(&str, &[u8])] = &builtin!(
     "cornell-depth-8-halton",
 );
 
-/// A network inside the crate, as yet unread.
+/// A network inside the crate, whose file has not been read yet.
 #[derive(Clone, Copy, Debug)]
 pub struct Builtin {
     name: &'static str,
@@ -40,7 +39,7 @@ pub struct Builtin {
 }
 
 impl Builtin {
-    /// What [`Network::builtin`] knows it by.
+    /// Its name, as [`Network::builtin`] takes it.
     #[must_use]
     pub fn name(self) -> &'static str {
         self.name
@@ -52,11 +51,11 @@ impl Builtin {
         self.file
     }
 
-    /// Reads it.
+    /// Reads the network from its file.
     ///
     /// # Errors
-    /// [`Error::Weights`] if this version of the crate cannot read its own file: a test sees
-    /// to it that it can.
+    /// [`Error::Weights`] if this version of the crate cannot read its own file: a test
+    /// makes sure that it can.
     pub fn network(self) -> Result<Network, Error> {
         Network::from_bytes(self.file)
     }
@@ -75,7 +74,7 @@ impl Network {
     }
 
     /// The networks inside the crate that were trained on the scene with this fingerprint,
-    /// `NAME:HASH`, with their names, in the order of [`Self::builtins`].
+    /// with their names, in the order of [`Self::builtins`].
     ///
     /// # Errors
     /// As for [`Builtin::network`].

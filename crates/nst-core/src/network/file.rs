@@ -8,13 +8,13 @@ use safetensors::{
     tensor::{Metadata as Header, TensorInfo},
 };
 
-use super::{Layer, Metadata, Network};
+use super::model::{Layer, Metadata, Network};
 use crate::Error;
 
 /// The value of the metadata key `format` in files that this version reads.
 const FORMAT: &str = "nst-weights-1";
 
-/// A safetensors file begins with the length of its header, in as many bytes.
+/// A safetensors file begins with the length of its header, a number of this many bytes.
 const LENGTH_BYTES: usize = 8;
 
 impl Network {

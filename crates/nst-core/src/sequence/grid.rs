@@ -7,7 +7,8 @@ use crate::Error;
 /// The place of a batch in a picture: all of it, or a strip of whole rows.
 ///
 /// Lanes are planar, rows from the top: lane = (channel · rows + y) · width + x. With a
-/// grid, methods may look at a lane's neighbours; sequences that are no pictures have none.
+/// grid, methods may look at a lane's neighbours; sequences that do not come from a picture
+/// have no grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Grid {
     width: u32,
@@ -18,8 +19,8 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// The most lanes of a grid: beyond, a term of all lanes takes 8 GiB and more, and
-    /// a header that promises them is more likely damaged than meant.
+    /// The most lanes of a grid. One term of more lanes would take over 8 GiB; a file whose
+    /// header promises that is probably damaged.
     pub const MOST_LANES: u64 = 1 << 31;
 
     /// Rows of a picture `width` pixels wide, of which the first is row `first_row`.
@@ -37,8 +38,8 @@ impl Grid {
         Ok(Self { width, rows, channels, first_row, halo: [0; 2] })
     }
 
-    /// The same rows, of which the first and the last few are there for the sake of their
-    /// neighbours only: no method returns estimates of them.
+    /// The same rows, of which the first `above` and the last `below` are a halo: methods
+    /// read them as neighbours of the others, and return no estimates for them.
     ///
     /// # Errors
     /// [`Error::Batch`] if no other row remains.
@@ -56,7 +57,7 @@ impl Grid {
         self.width as usize
     }
 
-    /// Rows of the batch, those of its halo among them.
+    /// Rows of the batch, including its halo.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.rows as usize
@@ -86,14 +87,14 @@ impl Grid {
         self.channels() * self.pixels()
     }
 
-    /// The rows of the batch that estimates are made of: all without the halo.
+    /// The rows of the batch that get estimates: all but the halo.
     #[must_use]
     pub fn inner_rows(&self) -> Range<usize> {
         let [above, below] = self.halo;
         above as usize..(self.rows - below) as usize
     }
 
-    /// Of values `[lane]` of the batch, those that estimates are made of.
+    /// Of values `[lane]` of the batch, those of the [inner rows](Self::inner_rows).
     #[must_use]
     pub fn inner<'a>(&self, lanes: &'a [f32]) -> Cow<'a, [f32]> {
         if self.halo == [0; 2] {

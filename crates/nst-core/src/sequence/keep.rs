@@ -5,11 +5,11 @@ use std::{fmt, str::FromStr};
 /// Which terms of a sequence to keep. As text: `all`, `window 8`, `pow2 8`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Keep {
-    /// The last few, at least one.
+    /// The last terms: this number of them, at least 1.
     Window(u32),
     /// All: S_1 … S_N.
     All,
-    /// S_1, S_2, S_4, … and the last few.
+    /// S_1, S_2, S_4, …, and the last terms: this number of them, at least 1.
     Pow2(u32),
 }
 
@@ -31,7 +31,8 @@ impl Keep {
         }
     }
 
-    /// How many of S_1, S_2, S_4, … of n samples are kept for their own sake.
+    /// How many of S_1, S_2, S_4, … up to S_n are kept, including those that the window
+    /// contains too.
     #[must_use]
     pub fn powers(self, n: u32) -> u32 {
         if matches!(self, Self::Pow2(_)) { n.max(1).ilog2() + 1 } else { 0 }
@@ -51,7 +52,7 @@ impl fmt::Display for Keep {
 impl FromStr for Keep {
     type Err = String;
 
-    /// Undoes `to_string`.
+    /// Reads what `to_string` writes.
     fn from_str(text: &str) -> Result<Self, String> {
         let length = |name| {
             let number = text.strip_prefix(name)?.strip_prefix(' ')?;

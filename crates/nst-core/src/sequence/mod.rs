@@ -1,4 +1,4 @@
-//! Sequences of progressive estimates, side by side: the vocabulary of everything else.
+//! Sequences of progressive estimates, side by side: what every method reads.
 
 mod batch;
 mod grid;

@@ -4,8 +4,8 @@ use std::{convert::Infallible, fmt, str::FromStr};
 
 use super::FOLDS;
 
-/// A side channel: one further number of each lane or pixel. All that is known of
-/// one kind is said here.
+/// A side channel: one further number of each lane or pixel. Everything that depends on its
+/// kind is defined here.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Side {
     /// The mean of a fold, with its number below [`FOLDS`]: `fold0` … `fold3`.
@@ -14,7 +14,7 @@ pub enum Side {
     Variance,
     /// How many samples of a pixel were left out because they were not finite: `Skipped`.
     Skipped,
-    /// Anything else that a file has, by its name.
+    /// A layer that this version does not know, by its name.
     Other(String),
 }
 
@@ -36,7 +36,7 @@ pub enum Merging {
     VarianceOfMean,
     /// Their sum.
     Sum,
-    /// It is not known how.
+    /// It is not known how: sequences that have one cannot be merged.
     Refuse,
 }
 
@@ -54,7 +54,7 @@ impl Side {
         }
     }
 
-    /// How those of independent sequences merge.
+    /// How side channels of this kind are merged.
     #[must_use]
     pub fn merging(&self) -> Merging {
         match self {
@@ -80,7 +80,7 @@ impl fmt::Display for Side {
 impl FromStr for Side {
     type Err = Infallible;
 
-    /// The side channel of a name; a name that is not known is [`Side::Other`].
+    /// The side channel of a name; an unknown name gives [`Side::Other`].
     fn from_str(name: &str) -> Result<Self, Infallible> {
         let known = Self::ALL_FOLDS.iter().chain([&Self::Variance, &Self::Skipped]);
         let mut known = known.filter(|side| side.to_string() == name);

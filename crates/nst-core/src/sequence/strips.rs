@@ -1,4 +1,4 @@
-//! [`Strips`]: a batch that is looked at part by part, as it may not fit the memory.
+//! [`Strips`]: a batch that is read part by part, as it may not fit into memory.
 
 use std::{borrow::Cow, ops::Range};
 
@@ -7,10 +7,11 @@ use rayon::prelude::*;
 use super::SequenceBatch;
 use crate::Error;
 
-/// Without a grid, strips end at multiples of this many lanes, but for the last.
+/// Without a grid, all strips but the last end at multiples of this many lanes: the lanes
+/// whose sum is one task of the thread pool.
 pub const LANES_PER_BLOCK: usize = 4096;
 
-/// A batch in strips that follow each other, any number of times.
+/// A batch that is read strip after strip, as often as needed.
 ///
 /// Strips of a picture are whole rows, and say so by their [`Grid`](super::Grid). Others
 /// end at multiples of [`LANES_PER_BLOCK`] lanes, so that sums over all lanes can be
@@ -38,7 +39,7 @@ pub struct Whole<'a> {
 }
 
 impl<'a> Whole<'a> {
-    /// The batch, before its only strip.
+    /// Gives the batch as its only strip.
     #[must_use]
     pub fn new(batch: &'a SequenceBatch) -> Self {
         Self { batch, done: false }
@@ -58,10 +59,10 @@ impl Strips for Whole<'_> {
     }
 }
 
-/// Takes a sum over all lanes whose rounding depends neither on the strips nor on the
-/// number of threads: `sum` over the lanes of one block, given by the ranges that they lie
-/// in, and `merge` block after block. A block is a row of the picture, with all channels,
-/// or a run of [`LANES_PER_BLOCK`] lanes.
+/// Sums over all lanes in a way whose rounding depends neither on the strips nor on the
+/// number of threads. `sum` gets the ranges of the lanes of one block; `merge` gets the
+/// results, block after block. A block is a row of the picture, with all channels, or a run
+/// of [`LANES_PER_BLOCK`] lanes.
 pub(crate) fn sum_in_order<T: Send>(
     strips: &mut dyn Strips,
     sum: impl Fn(&SequenceBatch, &[Range<usize>]) -> T + Sync,

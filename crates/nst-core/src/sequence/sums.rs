@@ -1,6 +1,7 @@
 //! The sums of a lane's samples, from which its sequence can be continued.
 
 /// How many folds the samples of a lane are split into: sample i belongs to fold i mod 4.
+/// Files of sequences store this number of folds.
 pub const FOLDS: usize = 4;
 
 /// What is kept of all samples y of a lane.
@@ -17,8 +18,8 @@ pub struct LaneSums {
 unsafe impl bytemuck::Zeroable for LaneSums {}
 
 impl LaneSums {
-    /// Adds the sample with an index. One that is not finite would leave nothing of the
-    /// others: the caller leaves it out.
+    /// Adds the sample with an index. It must be finite, as a NaN would spoil the sums of
+    /// all others.
     #[inline]
     pub fn add(&mut self, index: u32, sample: f64) {
         self.folds[index as usize % FOLDS] += sample;
@@ -34,7 +35,7 @@ impl LaneSums {
     }
 
     /// The variance of S_n, for n ≥ 2; infinite where a sum is not finite, as nothing is
-    /// known of such a lane.
+    /// known of the lane then.
     #[must_use]
     pub fn variance(&self, n: u32) -> f32 {
         // (Σy² − (Σy)²/n) / (n (n − 1)); rounding may take it below zero.
@@ -48,7 +49,7 @@ impl LaneSums {
     }
 }
 
-/// How many of a lane's n samples are in a fold.
+/// How many of a lane's n samples are in a fold, a number below [`FOLDS`].
 #[must_use]
 pub fn fold_count(fold: usize, n: u32) -> f64 {
     (n as usize).saturating_sub(fold).div_ceil(FOLDS) as f64

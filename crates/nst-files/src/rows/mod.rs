@@ -1,48 +1,26 @@
-//! Single-part scanline EXR files, read and written some rows at a time, so that
-//! a picture with hundreds of channels need not fit the memory.
+//! Single-part scanline EXR files, read and written some rows at a time, so that a picture
+//! with hundreds of channels need not fit into memory.
 //!
-//! The exr crate parses headers and (de)compresses blocks. Where blocks lie in the
-//! file is read here, and every size is checked against the file's length before
-//! memory is asked for.
+//! The exr crate parses headers and (de)compresses blocks. This module reads where the
+//! blocks are in the file, and compares every size with the file's length before it
+//! allocates memory.
 
+mod parts;
 mod reader;
 mod writer;
 
-use std::collections::BTreeMap;
-
-use exr::meta::attribute::{SampleType, Text};
-
+pub(crate) use parts::{Attribute, Attributes, Channel, text};
 pub(crate) use reader::{RowReader, Rows};
 pub(crate) use writer::RowWriter;
-
-/// Bytes of a sample: the channels of these files are f32 or u32.
-const SAMPLE: usize = 4;
-
-/// The value of an attribute.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Attribute {
-    Text(String),
-    I32(i32),
-    F32(f32),
-}
-
-/// The value of a text attribute: EXR's are UTF-8, but some files have Latin-1.
-pub(crate) fn text(value: &Text) -> String {
-    String::from_utf8(value.as_slice().to_vec()).unwrap_or_else(|_| value.to_string())
-}
-
-/// Attributes by name.
-pub(crate) type Attributes = BTreeMap<String, Attribute>;
-
-/// A channel's name and type, f32 or u32.
-pub(crate) type Channel = (String, SampleType);
 
 #[cfg(test)]
 mod tests {
     use std::path::Path;
 
+    use exr::meta::attribute::{SampleType, Text};
+
     use super::*;
-    use crate::{Error, output::OutputFile};
+    use crate::{Error, output_file::OutputFile};
 
     /// Writes f32 channels of some rows at a time.
     fn write(path: &Path, size: [u32; 2], planes: &[Vec<f32>], rows: usize) -> Result<(), Error> {

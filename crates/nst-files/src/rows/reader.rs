@@ -21,7 +21,7 @@ use exr::{
 };
 use rayon::prelude::*;
 
-use super::{Attribute, Channel, SAMPLE};
+use super::parts::{Attribute, Channel, SAMPLE, text};
 use crate::{Error, limits::MOST_DEFLATED};
 
 /// Reads a file row by row.
@@ -77,7 +77,7 @@ impl RowReader {
     /// An attribute that is not one of EXR's own.
     pub(crate) fn attribute(&self, name: &str) -> Option<Attribute> {
         match self.header().own_attributes.other.get(&Text::new_or_none(name)?)? {
-            AttributeValue::Text(text) => Some(Attribute::Text(super::text(text))),
+            AttributeValue::Text(value) => Some(Attribute::Text(text(value))),
             AttributeValue::I32(number) => Some(Attribute::I32(*number)),
             AttributeValue::F32(number) => Some(Attribute::F32(*number)),
             _ => None,
@@ -89,7 +89,7 @@ impl RowReader {
         self.header().layer_size.width() * self.header().channels.bytes_per_pixel
     }
 
-    /// Reads some rows: all that are left of a picture, or fewer.
+    /// Reads some rows of the picture, at least one.
     pub(crate) fn read(&mut self, rows: Range<u32>) -> Result<Rows, Error> {
         debug_assert!(rows.start < rows.end && rows.end <= self.size()[1]);
         let lines = self.header().compression.scan_lines_per_block() as u32;
@@ -144,13 +144,14 @@ impl RowReader {
     }
 }
 
-/// What of a header this reader does not take, or what `length` bytes cannot contain.
+/// Fails if this reader does not support the file, or if its `length` in bytes is too short
+/// for its pixels.
 fn check(header: &Header, length: u64) -> Result<(), String> {
     use Compression::{RLE, Uncompressed, ZIP1, ZIP16};
     let refuse = |why: &str| Err(why.to_owned());
     let Vec2(width, height) = header.layer_size;
     if header.blocks != BlockDescription::ScanLines {
-        return refuse("it is tiled; store it in scanlines");
+        return refuse("it is tiled; store it in scan lines");
     }
     if !matches!(header.compression, Uncompressed | RLE | ZIP1 | ZIP16) {
         return refuse("its compression is not 'none', 'rle', 'zips' or 'zip'; store it as 'zip'");
@@ -171,7 +172,7 @@ fn check(header: &Header, length: u64) -> Result<(), String> {
     let table = 8 * header.chunk_count as u128;
     if bytes / u128::from(MOST_DEFLATED) + table > u128::from(length) {
         return Err(format!(
-            "{length} bytes cannot hold {} channels of {width}x{height} pixels; the file is cut \
+            "{length} bytes cannot contain {} channels of {width}x{height} pixels; the file is cut \
              off or damaged",
             header.channels.list.len()
         ));
@@ -183,7 +184,7 @@ fn check(header: &Header, length: u64) -> Result<(), String> {
 pub(crate) struct Rows {
     /// Bytes `[row][channel][x]` of each block.
     blocks: Vec<Vec<u8>>,
-    /// Rows of the first block that nobody asked for.
+    /// Rows of the first block that come before those that were asked for.
     skipped: usize,
     rows: usize,
     /// Bytes of a row of one channel.
@@ -197,7 +198,7 @@ impl Rows {
         self.rows * self.row / SAMPLE
     }
 
-    /// Copies a channel's native bytes, row after row.
+    /// Copies a channel's bytes, row after row, in the byte order of the machine.
     pub(crate) fn copy(&self, channel: usize, out: &mut [u8]) {
         let rows =
             self.blocks.iter().flat_map(|block| block.chunks_exact(self.row * self.channels));

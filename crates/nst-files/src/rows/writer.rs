@@ -19,11 +19,11 @@ use exr::{
 };
 use rayon::prelude::*;
 
-use super::{Attribute, Attributes, Channel, SAMPLE};
+use super::parts::{Attribute, Attributes, Channel, SAMPLE};
 use crate::{
     Error,
     limits::BLOCK_ROWS,
-    output::{OutputFile, SOFTWARE},
+    output_file::{OutputFile, SOFTWARE},
 };
 
 /// Writes a file row by row.
@@ -58,7 +58,7 @@ impl<'a> RowWriter<'a> {
                 requirements.write(&mut file)?;
                 Header::write_all(&header, &mut file, false)?;
                 let table = file.stream_position()?;
-                // Zeros, which readers take for blocks that are missing.
+                // Zeros for now: readers of an unfinished file take its blocks for missing.
                 std::io::copy(&mut std::io::repeat(0).take(8 * blocks), &mut file)?;
                 Ok(table)
             })
@@ -69,7 +69,7 @@ impl<'a> RowWriter<'a> {
     /// Appends rows: `planes` are the channels in the order given to
     /// [`RowWriter::create`], each the native bytes of the same number of rows.
     ///
-    /// All but the last rows of a file come in multiples of [`BLOCK_ROWS`].
+    /// All calls but the last need a multiple of [`BLOCK_ROWS`] rows.
     pub(crate) fn push(&mut self, planes: &[&[u8]]) -> Result<(), Error> {
         self.check(planes)?;
         let block_bytes = self.row_bytes() * BLOCK_ROWS as usize;
@@ -120,7 +120,7 @@ impl<'a> RowWriter<'a> {
         )))
     }
 
-    /// Compresses the block of a number, which is at this place of the planes.
+    /// Compresses a block: its number in the file, and its range of bytes in each plane.
     fn compress(
         &self,
         planes: &[&[u8]],
@@ -143,7 +143,8 @@ impl<'a> RowWriter<'a> {
         UncompressedBlock { index, data }.compress_to_chunk(&self.header)
     }
 
-    /// Completes the file, whose rows must all be there. The caller commits the output.
+    /// Completes the file; all its rows must have been pushed. The caller commits the
+    /// output.
     pub(crate) fn finish(mut self) -> Result<(), Error> {
         if self.offsets.len() != self.header[0].chunk_count {
             let message = format!(

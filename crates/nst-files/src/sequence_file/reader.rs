@@ -11,7 +11,10 @@ use ndarray::Array2;
 use nst_core::{FOLDS, Grid, LaneSums, SequenceBatch, Side, Strips};
 use rayon::prelude::*;
 
-use super::{ResumeInfo, SequenceInfo, VERSION, term_name, writer::KnownLanes};
+use super::{
+    info::{ResumeInfo, SequenceInfo, VERSION, term_name},
+    state::KnownLanes,
+};
 use crate::{
     ColorModel, Error,
     layers::channel_name,
@@ -22,21 +25,21 @@ use crate::{
 /// A strip, and the sums of its lanes if the file contains them.
 type StripWithSums = (SequenceBatch, Option<Vec<LaneSums>>);
 
-/// Reads a sequence strip by strip, so that it need not fit the memory.
+/// Reads a sequence strip by strip, so that it need not fit into memory.
 pub struct SequenceReader {
     rows: RowReader,
     info: SequenceInfo,
-    /// Which of the file's channels are the terms', `[term][channel]`.
+    /// Which of the file's channels are those of the terms, `[term][channel]`.
     terms: Vec<usize>,
-    /// Which are the side channels', `[side][channel]`.
+    /// Which are those of the side channels, `[side][channel]`.
     sides: Vec<Vec<usize>>,
-    /// Which hold the state, `[sum][word][channel]`.
+    /// Which are those of the state, `[sum][word][channel]`.
     state: Vec<usize>,
     /// Rows of a strip, a multiple of 16.
     step: u32,
     /// The first row of the next strip.
     next: u32,
-    /// Rows beside a strip that come with it.
+    /// Rows above and below a strip that are read with it.
     halo: u32,
 }
 
@@ -61,7 +64,7 @@ impl SequenceReader {
                 "attribute 'nst.terms': sample counts must start at 1 or above and increase";
             return Err(Error::malformed(path, message));
         }
-        // Samples of another program may have none of these.
+        // Files that were made from pictures of other programs may lack these.
         let seeds = match header.optional("nst.seed")?.as_deref() {
             None | Some("") => Vec::new(),
             Some(_) => header.numbers("nst.seed")?,
@@ -105,14 +108,14 @@ impl SequenceReader {
         &self.info
     }
 
-    /// Reads strips of this many rows, rounded up to a multiple of 16, rather than of
-    /// about 100 MB.
+    /// Reads strips of this many rows, rounded up to a multiple of 16, instead of strips of
+    /// about 128 MiB.
     #[must_use]
     pub fn with_strip_rows(self, rows: u32) -> Self {
         Self { step: rows.clamp(1, 1 << 30).next_multiple_of(BLOCK_ROWS), ..self }
     }
 
-    /// Goes on with the strip that begins at a row.
+    /// Continues with the strip that begins at a row.
     pub(crate) fn skip_to(&mut self, row: u32) {
         self.next = row.min(self.info.size[1]);
     }
@@ -237,8 +240,9 @@ impl<'a> Channels<'a> {
     }
 
     /// The side channels: layers beside the picture, the terms and the state. A layer that
-    /// this version knows must be as it should be; one that it does not know is left aside
-    /// unless it is of 32-bit floats in the channels of the picture.
+    /// this version knows must have the right channels. One that it does not know becomes a
+    /// side channel if it has the channels of the picture, as 32-bit floats, and is ignored
+    /// otherwise.
     fn sides(
         &self,
         model: ColorModel,
@@ -284,7 +288,7 @@ impl Header<'_> {
             Error::malformed(
                 self.path,
                 format!(
-                    "it holds no sequence (attribute '{name}' is missing); 'nst render --sequence FILE' writes one"
+                    "it contains no sequence (attribute '{name}' is missing); 'nst render --sequence FILE' writes one"
                 ),
             )
         })
@@ -302,7 +306,7 @@ impl Header<'_> {
         })
     }
 
-    /// Fails unless the file has all folds or none, and says so.
+    /// Fails unless the file has all folds or none, and `nst.folds` says which.
     fn check_folds(&self, info: &SequenceInfo) -> Result<(), Error> {
         let folds = info.sides.iter().filter(|side| matches!(side, Side::Fold(_))).count();
         if self.text("nst.folds")? != folds.to_string() || ![0, FOLDS].contains(&folds) {

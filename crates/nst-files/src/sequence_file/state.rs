@@ -1,17 +1,17 @@
 //! The f64 sums of a rendering as pairs of UINT channels, without loss.
 //!
-//! A sum is a layer of its own: `state.fold0` … `state.fold3` and `state.squares`.
-//! `lo` holds the lower 32 bits of the number. Its upper 32 bits are almost what the
-//! fold mean or the variance in the same file predicts, so that `hi` holds the
-//! difference (mod 2³²) to them: mostly zeros, which hardly take up space.
+//! A sum is a layer of its own: `state.fold0` … `state.fold3` and `state.squares`. `lo`
+//! contains the lower 32 bits of the number. The fold mean or the variance in the same file
+//! predicts its upper 32 bits almost exactly, so `hi` contains only their difference (mod
+//! 2³²) from the prediction: mostly zeros, which compress well.
 
 use exr::prelude::SampleType;
 
-use nst_core::{FOLDS, LaneSums, Side, fold_count};
+use nst_core::{FOLDS, LaneSums, SequenceBatch, Side, fold_count};
 
 use crate::{ColorModel, layers::channel_name, rows::Channel};
 
-/// The folds and the squares.
+/// The number of sums of a lane: one for each fold, and one of the squares.
 pub(super) const SUMS: usize = FOLDS + 1;
 
 /// The UINT channels: for each sum `hi` and `lo`, each with the channels of `model`.
@@ -29,7 +29,7 @@ pub(super) fn channels(model: ColorModel) -> Vec<Channel> {
         .collect()
 }
 
-/// What a file of n samples says of one lane.
+/// What a file of n samples says about one lane.
 #[derive(Clone, Copy)]
 pub(super) struct Known {
     pub(super) n: u32,
@@ -58,7 +58,7 @@ impl Known {
         })
     }
 
-    /// Undoes [`Known::split`].
+    /// The inverse of [`Known::split`].
     pub(super) fn join(&self, words: [[u32; 2]; SUMS]) -> LaneSums {
         let folds = std::array::from_fn(|fold| join(words[fold], self.fold(fold)));
         let mut sums = LaneSums { folds, squares: 0.0 };
@@ -67,7 +67,30 @@ impl Known {
     }
 }
 
-/// A NaN's bits may differ from machine to machine; they predict nothing.
+/// What a batch says about each lane beside its terms.
+pub(super) struct KnownLanes<'a> {
+    n: u32,
+    folds: [Option<&'a [f32]>; FOLDS],
+    variance: Option<&'a [f32]>,
+}
+
+impl<'a> KnownLanes<'a> {
+    pub(super) fn new(batch: &'a SequenceBatch) -> Self {
+        Self {
+            n: batch.sample_counts().last().copied().unwrap_or_default(),
+            folds: Side::ALL_FOLDS.each_ref().map(|fold| batch.side(fold)),
+            variance: batch.side(&Side::Variance),
+        }
+    }
+
+    pub(super) fn lane(&self, lane: usize) -> Known {
+        let value = |side: Option<&[f32]>| side.map_or(0.0, |values| values[lane]);
+        Known { n: self.n, means: self.folds.map(value), variance: value(self.variance) }
+    }
+}
+
+/// A prediction must have the same bits on every machine. Those of a NaN may differ, so 0
+/// takes its place.
 fn predictable(prediction: f64) -> f64 {
     if prediction.is_nan() { 0.0 } else { prediction }
 }

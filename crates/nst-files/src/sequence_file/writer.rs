@@ -2,18 +2,21 @@
 
 use std::ops::Range;
 
-use nst_core::{FOLDS, LaneSums, SequenceBatch, Side};
+use nst_core::{LaneSums, SequenceBatch, Side};
 use rayon::prelude::*;
 
-use super::{ResumeInfo, SequenceInfo, VERSION, state};
+use super::{
+    info::{ResumeInfo, SequenceInfo, VERSION},
+    state::{self, KnownLanes},
+};
 use crate::{
     Error,
     limits::BLOCK_ROWS,
-    output::OutputFile,
+    output_file::OutputFile,
     rows::{Attribute, Attributes, RowWriter},
 };
 
-/// Writes a sequence whose rows come in order.
+/// Writes a sequence, some rows at a time, from the top.
 pub struct SequenceWriter<'a> {
     rows: RowWriter<'a>,
     info: SequenceInfo,
@@ -31,8 +34,8 @@ impl<'a> SequenceWriter<'a> {
         Ok(Self { rows, info: info.clone() })
     }
 
-    /// Appends rows, with their sums if [`SequenceInfo::resume`] is given. All but
-    /// the last rows of a file come in multiples of 16.
+    /// Appends rows, with their sums if [`SequenceInfo::resume`] is given. All calls but
+    /// the last need a multiple of 16 rows.
     ///
     /// # Errors
     /// [`Error::Mismatch`] if the rows are not what the header promises, [`Error::Io`]
@@ -52,7 +55,7 @@ impl<'a> SequenceWriter<'a> {
         let terms = (0..batch.sample_counts().len()).map(|k| batch.term(k));
         let sides = batch.sides().map(|(_, values)| values);
         let layers: Vec<_> = [batch.last()].into_iter().chain(terms).chain(sides).collect();
-        // The words of the state are made for a few rows at a time.
+        // The words of the state are made for a few rows at a time, to save memory.
         let step = (BLOCK_ROWS * self.info.size[0]) as usize * 2 * rayon::current_num_threads();
         for first in (0..pixels).step_by(step) {
             let part = first..pixels.min(first + step);
@@ -97,34 +100,13 @@ impl<'a> SequenceWriter<'a> {
         planes
     }
 
-    /// Completes the file, whose rows must all be there. The caller commits the output.
+    /// Completes the file; all its rows must have been pushed. The caller commits the
+    /// output.
     ///
     /// # Errors
     /// [`Error::Io`] if it cannot be written.
     pub fn finish(self) -> Result<(), Error> {
         self.rows.finish()
-    }
-}
-
-/// What a batch says of each lane beside its terms.
-pub(super) struct KnownLanes<'a> {
-    n: u32,
-    folds: [Option<&'a [f32]>; FOLDS],
-    variance: Option<&'a [f32]>,
-}
-
-impl<'a> KnownLanes<'a> {
-    pub(super) fn new(batch: &'a SequenceBatch) -> Self {
-        Self {
-            n: batch.sample_counts().last().copied().unwrap_or_default(),
-            folds: Side::ALL_FOLDS.each_ref().map(|fold| batch.side(fold)),
-            variance: batch.side(&Side::Variance),
-        }
-    }
-
-    pub(super) fn lane(&self, lane: usize) -> state::Known {
-        let value = |side: Option<&[f32]>| side.map_or(0.0, |values| values[lane]);
-        state::Known { n: self.n, means: self.folds.map(value), variance: value(self.variance) }
     }
 }
 

@@ -206,7 +206,7 @@ impl Block {
         let t = e2.dot(q) * inverse;
         let u = s.dot(p) * inverse;
         let v = direction.dot(q) * inverse;
-        // Not where they are NaN, of a ray in the pi of the triangle.
+        // Not where they are NaN, of a ray in the plane of the triangle.
         let inside = zero.at_most(u) & zero.at_most(v) & (u + v).at_most(one);
         let within = zero.at_most(t) & t.less(V::Eight::splat(proof, hits.t[i]));
         let mut mask = V::Eight::bits(inside & within);

@@ -68,6 +68,8 @@ impl<'a> PathTracer<'a> {
                 textured: material.color_texture.is_some(),
             }
         };
+        // First, as building it takes the most memory.
+        let accelerator = Accelerator::new(&scene.triangles);
         let lights = Lights::new(scene);
         let mut facets: Vec<_> = scene.triangles.iter().map(facet).collect();
         for (triangle, pdf_area) in lights.densities() {
@@ -75,7 +77,7 @@ impl<'a> PathTracer<'a> {
         }
         Self {
             scene,
-            accelerator: Accelerator::new(&scene.triangles),
+            accelerator,
             lights,
             facets,
             scattering: scene.materials.iter().map(Prepared::new).collect(),

@@ -1,4 +1,4 @@
-//! `nst bench`: measurements, in CSV files.
+//! `nst bench`: measurements, written to CSV files.
 
 mod scene;
 mod stability;

@@ -24,7 +24,7 @@ use crate::{
     summary::timed,
 };
 
-/// A rendering by one method; times are those of the whole job.
+/// The error and the times of one method on one rendering.
 #[derive(Serialize)]
 struct SceneRow<'a> {
     scene: &'a str,
@@ -70,7 +70,7 @@ struct Bench<'a> {
 pub(super) fn run(args: &BenchSceneArgs) -> Result<Report, Error> {
     if args.seed.checked_add(u64::from(args.runs)).is_none() {
         return Err(Error::Usage(format!(
-            "--seed {} leaves no room for {} runs, whose seeds count up from it",
+            "--seed {} is too large for {} runs, whose seeds count up from it",
             args.seed, args.runs
         )));
     }
@@ -126,8 +126,8 @@ impl<'a> Bench<'a> {
         Ok(Self { args, scene, fingerprint, reference: reference.read()?, loading })
     }
 
-    /// The plain estimate and the methods that were asked for, each once: `auto` may
-    /// stand for one that is named as well.
+    /// The plain estimate and the methods that were asked for, each once: `auto` may be one
+    /// that is also named.
     fn methods(&self, spp: u32) -> Result<Vec<Method>, Error> {
         let sampler = SamplerKind::default().to_string();
         let origin = Origin { scene: &self.fingerprint, sampler: &sampler, counts: &[spp] };
@@ -180,7 +180,7 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// Writes the picture as `nst render` would, to time it, and throws it away.
+/// Writes the picture as `nst render` would, to measure the time, and drops it.
 fn write_and_drop(scene: &Scene, estimates: &Estimates) -> Result<(), Error> {
     let mut exr = OutputFile::create(&std::env::temp_dir().join("nst-bench.exr"))?;
     Ok(write_exr(&mut exr, scene.size, ColorModel::Rgb, &[("", estimates.values())])?)

@@ -1,10 +1,11 @@
-//! How many samples per pixel pictures show: what is said, or what the files say.
+//! How many samples per pixel the pictures have: from the command line, or else from the
+//! files.
 
 use nst_files::{pack::samples_in_name, picture::Picture};
 
 use crate::error::Error;
 
-/// How the numbers of samples became known, in words.
+/// Where the numbers of samples come from, in words.
 pub(super) type Source = &'static str;
 
 /// The samples behind each of some independent renderings.

@@ -28,7 +28,7 @@ pub(super) fn run(args: &PackArgs) -> Result<Done, Error> {
     }
 }
 
-/// What clap cannot say: which options belong to which kind.
+/// Checks what clap cannot: which options belong to which kind.
 fn check(args: &PackArgs) -> Result<(), Error> {
     let wrong = |message: &str| Err(Error::Usage(message.to_owned()));
     if args.spp.is_some() && args.kind != PackAs::Samples {
@@ -58,14 +58,14 @@ fn check(args: &PackArgs) -> Result<(), Error> {
     }
 }
 
-/// What pictures became a sequence.
+/// The pictures, and the sequence that was made from them.
 #[derive(Serialize)]
 struct Report {
     /// In the order of the sequence.
     files: Vec<String>,
     width: u32,
     height: u32,
-    /// Where the pictures lie in their programs' larger ones; the sequence begins at (0, 0).
+    /// The upper left corner of the pictures' data windows; the sequence begins at (0, 0).
     position: [i32; 2],
     layer: String,
     channels: Vec<String>,
@@ -74,7 +74,7 @@ struct Report {
     side_channels: Vec<String>,
     /// Files with values that are not finite, and how many.
     nonfinite: Vec<(String, u64)>,
-    /// Whether means are taken, which leave such values out.
+    /// Whether the terms are means, which leave these values out.
     #[serde(skip)]
     means: bool,
     output: String,

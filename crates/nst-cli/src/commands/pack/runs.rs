@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::{args::PackArgs, commands::numbers, error::Error};
 
-/// What sequences became a dataset.
+/// The sequences, and the dataset that was made from them.
 #[derive(Serialize)]
 pub(super) struct Report {
     files: Vec<String>,

@@ -1,4 +1,4 @@
-//! `nst render --runs`: many independent renderings, straight to a file.
+//! `nst render --runs`: many independent renderings into one file.
 
 use std::fmt;
 
@@ -30,7 +30,7 @@ pub(super) fn run(args: &RenderArgs, runs: u32) -> Result<Done, Error> {
     let settings = settings(args, DEFAULT_WINDOW, KeepArg::All);
     if settings.seed.checked_add(u64::from(runs)).is_none() {
         return Err(Error::Usage(format!(
-            "--seed {} leaves no room for {runs} runs, whose seeds count up from it",
+            "--seed {} is too large for {runs} runs, whose seeds count up from it",
             settings.seed
         )));
     }
@@ -74,7 +74,7 @@ fn write(
     while done < runs {
         let seed = settings.seed + u64::from(done);
         let rendering = render_from(None, scene, &RenderSettings { seed, ..*settings }, control)?;
-        // A run that Ctrl-C has cut short is left out.
+        // A run that Ctrl-C has stopped early is left out.
         if rendering.batch.sample_counts() != sample_counts {
             break;
         }

@@ -23,7 +23,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     }
 }
 
-/// How to render; `keep` is what `--keep` is without being given.
+/// How to render; `keep` is the default of `--keep`.
 fn settings(args: &RenderArgs, window: usize, keep: KeepArg) -> RenderSettings {
     let window = window.max(DEFAULT_WINDOW) as u32;
     RenderSettings {
@@ -48,7 +48,8 @@ fn outputs(args: &RenderArgs, scene: &Scene) -> Outputs {
     Outputs::of_inputs(scene.inputs.iter().chain(&args.method.weights))
 }
 
-/// Loads the scene; a stored sequence stands in for options that are not given.
+/// Loads the scene. Options that are not given come from the stored sequence, if there is
+/// one.
 fn load_scene(args: &RenderArgs, stored: Option<&SequenceInfo>) -> Result<Scene, Error> {
     let mut scene = Scene::load(&args.scene)?;
     let how = stored.and_then(|info| info.resume.as_ref());
@@ -64,7 +65,7 @@ fn load_scene(args: &RenderArgs, stored: Option<&SequenceInfo>) -> Result<Scene,
     Ok(scene)
 }
 
-/// Says what is about to be rendered.
+/// Tells the user what will be rendered.
 fn describe(scene: &Scene, spp: u32, common: &CommonArgs) {
     let lights = scene.triangles.iter().filter(|t| scene.materials[t.material as usize].emits());
     let mut lines = format!(

@@ -53,7 +53,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
         None => settings(args, method.transform.requires().window, KeepArg::Window),
         Some(resumed) => resumed.settings(args, &job.scene, &job.fingerprint, &method)?,
     };
-    // Opened now, so that a place that cannot be written to is found out early.
+    // Opened before rendering, so that a path that cannot be written fails early.
     let files = Files::open(&job, resumed.as_ref())?;
 
     interrupt::watch()?;
@@ -65,7 +65,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     job.render(watch, method, &settings, files, start)
 }
 
-/// What is written; the sequence may not be asked for.
+/// The files to write; the sequence only if it was asked for.
 struct Files {
     sequence: Option<OutputFile>,
     exr: OutputFile,
@@ -77,7 +77,7 @@ impl Files {
         let args = job.args;
         let exr_path = args.output(&job.scene.name)?;
         let mut outputs: Outputs = outputs(args, &job.scene);
-        // The sequence that is continued is replaced, unless another is named.
+        // The sequence that is continued is replaced, unless --sequence names another.
         let sequence = match (&args.sequence, resumed) {
             (Some(path), Some(resumed)) if !same(path, &resumed.path) => {
                 outputs.protect(&resumed.path);
@@ -89,7 +89,7 @@ impl Files {
         let sequence =
             sequence.map(|path| outputs.open(path, Kind::Sequence, Name::Given)).transpose()?;
         let exr = outputs.open(&exr_path, Kind::Picture, args.output_name())?;
-        // Nobody gave this name.
+        // The program chose this name, not the user.
         let png = outputs.open(&exr_path.with_extension("png"), Kind::Png, Name::Default)?;
         Ok(Self { sequence, exr, png })
     }
@@ -125,14 +125,14 @@ impl Job<'_> {
         let rendering = render_from(start, scene, settings, control)?;
         bar.finish_and_clear();
 
-        // The samples are safe before anything is done with them.
+        // The samples are stored first: if a later step fails, they are not lost.
         let mut written = Vec::new();
         timed(&mut watch.io, || sequence.map(|file| self.store(file, settings, &rendering, spent)))
             .transpose()?
             .into_iter()
             .for_each(|path| written.push(path));
         let samples = *rendering.batch.sample_counts().last().expect("a rendering has a term");
-        // Another network, or none, may be the one for fewer samples.
+        // For fewer samples than planned, `auto` may choose another network, or none.
         let method = if samples == args.spp { method } else { self.method(samples)? };
         let mut estimates = Estimates::default();
         let transformed = timed(&mut watch.transform, || {
@@ -161,7 +161,7 @@ impl Job<'_> {
     }
 
     /// Writes the sequence of a rendering that had taken `spent` seconds before it was
-    /// continued; returns where.
+    /// continued; returns its path.
     fn store(
         &self,
         mut output: OutputFile,
@@ -204,7 +204,7 @@ impl Job<'_> {
         notes
     }
 
-    /// What a rendering lacks that was ended early, and how to go on.
+    /// What is missing of a rendering that was stopped early, and how to continue it.
     fn missing(&self, samples: u32) -> String {
         let Self { args, .. } = self;
         let sequence = args.sequence.as_ref().or(args.resume.as_ref());
@@ -216,7 +216,8 @@ impl Job<'_> {
     }
 }
 
-/// Writes the picture with the layers `S` and `Variance`, and as PNG; returns where.
+/// Writes the picture, with the layers `S` and `Variance`, and the PNG; returns their
+/// paths.
 fn write_pictures(
     size: [u32; 2],
     mut exr: OutputFile,

@@ -15,7 +15,7 @@ use crate::{
     method::Method,
 };
 
-/// A stored rendering that can be continued, of which the header was read.
+/// A stored rendering that can be continued; only its header was read.
 pub(crate) struct Resumed {
     pub(crate) path: PathBuf,
     pub(crate) info: SequenceInfo,
@@ -41,7 +41,7 @@ pub(crate) fn open(path: &Path) -> Result<Resumed, Error> {
             Ok(Resumed { path: path.to_owned(), info, how, sampler, seed })
         }
         _ => Err(Error::Usage(format!(
-            "--resume '{}': it does not hold the sums of its samples, as 'nst render --sequence' stores them; \
+            "--resume '{}': it does not contain the sums of its samples, as 'nst render --sequence' stores them; \
              packed and merged sequences cannot be continued",
             path.display()
         ))),
@@ -49,7 +49,7 @@ pub(crate) fn open(path: &Path) -> Result<Resumed, Error> {
 }
 
 impl Resumed {
-    /// How to go on, unless the command line says otherwise than the file.
+    /// The settings to continue with; fails if the command line contradicts the file.
     pub(crate) fn settings(
         &self,
         args: &RenderArgs,
@@ -64,14 +64,14 @@ impl Resumed {
         }
         self.check_options(args, scene)?;
         self.check_scene(args, scene, fingerprint)?;
-        // What was not stored cannot be had, unless later samples fill the window.
+        // Terms that were not stored are lost, but later samples fill the window again.
         let stored = match self.how.keep {
             Keep::All => args.spp,
             Keep::Window(length) | Keep::Pow2(length) => length,
         };
         method.check_terms(
             stored as usize,
-            "render anew with this network, or use --transform none",
+            "render again from the start with this network, or use --transform none",
         )?;
         let (sampler, seed) = (self.sampler, self.seed);
         Ok(RenderSettings { spp: args.spp, sampler, seed, keep: self.how.keep })
@@ -81,7 +81,7 @@ impl Resumed {
         Error::Usage(format!("--resume '{}': {why}", self.path.display()))
     }
 
-    /// Fails if an option says something else than the file.
+    /// Fails if an option contradicts the file.
     fn check_options(&self, args: &RenderArgs, scene: &Scene) -> Result<(), Error> {
         let keep = match self.how.keep {
             Keep::All => KeepArg::All,

@@ -1,4 +1,4 @@
-//! `nst bench stability`: every method on every kind of sequences that may break it.
+//! `nst bench stability`: every method on every kind of sequence that may break it.
 
 mod integrands;
 mod markdown;
@@ -30,7 +30,7 @@ struct Row {
     /// Σ (T − I)² / Σ (S − I)²; 1 where both sums are 0.
     #[serde(serialize_with = "rounded")]
     mse_ratio: f64,
-    /// The share of lanes that hold S_n because the method broke down.
+    /// The share of lanes that have S_n because the method broke down.
     #[serde(serialize_with = "rounded")]
     fallback_share: f64,
     /// max (T − I)² / max (S − I)²; 1 where both are 0.
@@ -44,7 +44,7 @@ struct Row {
     /// (Mean T − I)² / mean (S − I)², which does not average out over lanes.
     #[serde(serialize_with = "rounded")]
     bias2_ratio: f64,
-    /// The share of lanes that are constant, and hold S_n for that.
+    /// The share of lanes that have S_n because they are constant.
     #[serde(serialize_with = "rounded")]
     constant_share: f64,
     /// Of the method, on many lanes with all threads.
@@ -55,7 +55,7 @@ struct Row {
     lane_terms_per_second: f64,
 }
 
-/// Four digits: more would say nothing, and files are read by people, too.
+/// Four digits: further ones are noise, and people read the file, too.
 fn rounded<S: Serializer>(x: &f64, serializer: S) -> Result<S::Ok, S::Error> {
     let rounded = format!("{x:.3e}").parse();
     serializer.serialize_f64(rounded.unwrap_or(*x))
@@ -224,7 +224,7 @@ impl Errors {
     }
 }
 
-/// a/b, where no error over no error is no change.
+/// a/b, and 1 for 0/0: no error before and after is no change.
 fn ratio(a: f64, b: f64) -> f64 {
     if a == b { 1.0 } else { a / b }
 }
@@ -237,7 +237,7 @@ fn cost_sample(lanes: usize) -> Case {
     })
 }
 
-/// The least of some times, on all threads, after one application that warms up.
+/// The shortest of five applications on all threads, after one that is not counted.
 fn nanoseconds_per_lane(method: &Method, batch: &SequenceBatch) -> Result<f64, Error> {
     const REPEATS: usize = 5;
     let mut estimates = Estimates::default();

@@ -1,4 +1,5 @@
-//! The sequences that methods are put to: what they are, and why methods fail on them.
+//! The kinds of sequences that methods are tested on: what they are, and why methods fail
+//! on them.
 
 use std::f64::consts::{E, LN_2, PI};
 
@@ -16,9 +17,9 @@ pub(super) struct Regime {
     pub(super) what: &'static str,
     /// Why methods fail on them.
     pub(super) why: &'static str,
-    /// The sequences with n samples, so many runs of each.
+    /// The sequences with n samples, for a number of runs of each integrand.
     pub(super) make: fn(n: u32, runs: usize) -> Case,
-    /// Whether networks are to be tried at a million samples, too.
+    /// Whether the suite has a row for a million samples, too.
     pub(super) far: bool,
 }
 
@@ -36,7 +37,7 @@ pub(super) const REGIMES: &[Regime] = &[
     Regime {
         name: "alternating",
         what: "Partial sums of 1 − 1/2 + 1/3 − … = ln 2.",
-        why: "Whatever weighs neighbours against each other gains, until f32 has no further digits. \
+        why: "Methods that average neighbours gain, until f32 has no further digits. \
               Richardson and \
               a_n g_n take the sign of the last step for a trend; the bound on the distance from S \
               catches the former.",
@@ -48,7 +49,7 @@ pub(super) const REGIMES: &[Regime] = &[
         what: "Partial sums of 1 + 1/4 + 1/9 + … = π²/6.",
         why: "In f64, Levin, θ and Richardson gain five to eight digits; in f32 the steps 1/n² are soon \
               a few units in the last place, and rounding is all there is to extrapolate. a_n g_n, \
-              which reads one step only, holds out longest.",
+              which reads one step only, works longest.",
         make: |n, _| SERIES[2].at(&window(n)).0,
         far: false,
     },
@@ -91,7 +92,7 @@ pub(super) const REGIMES: &[Regime] = &[
         what: "Samples are 1 with probability 0.001, else 0.",
         why: "Robust methods take the rare 1 for an outlier. The MSE falls, as to forget a rare event \
               costs less than its noise, but what is left is bias; from n = 1024 on, where \
-              a fold holds a 1 or none, they are worse than S.",
+              a fold has a 1 or none, they are worse than S.",
         make: |n, runs| {
             simulate(&window(n), COUNT * runs, 2, |_, _| {
                 (1e-3, |_: u32, rng: &mut SplitMix64| f64::from(u8::from(rng.uniform() < 1e-3)))
@@ -103,7 +104,7 @@ pub(super) const REGIMES: &[Regime] = &[
         name: "pareto",
         what: "Pareto samples with index 1.5: the mean is 3, the variance infinite.",
         why: "No ratio of squared errors has an expectation here: a few lanes decide, and other seeds \
-              give other numbers. Whatever ignores the largest samples seems to gain, by a bias that \
+              give other numbers. Methods that ignore the largest samples seem to gain, by a bias that \
               more samples do not remove quickly.",
         make: |n, runs| {
             simulate(&window(n), COUNT * runs, 3, |_, _| {
@@ -123,8 +124,7 @@ pub(super) const REGIMES: &[Regime] = &[
     Regime {
         name: "scale-1e-6",
         what: "The Gaussians times 10⁻⁶.",
-        why: "The same, worse: a network's answer is of the order of its training data, whatever the \
-              input.",
+        why: "The same, worse: a network's answer has the size of its training data for any input.",
         make: |n, runs| family(Family::Gaussian, &window(n), runs, |y| 1e-6 * y),
         far: false,
     },
@@ -159,8 +159,8 @@ pub(super) const REGIMES: &[Regime] = &[
     },
     Regime {
         name: "firefly-first",
-        what: "The Gaussians; the first sample is 1000, and the limit knows nothing of it.",
-        why: "All terms of the window hold the outlier, so that no classical method can tell it from \
+        what: "The Gaussians; the first sample is 1000, and the limit does not include it.",
+        why: "All terms of the window contain the outlier, so that no classical method can tell it from \
               signal; a_n g_n returns about the last sample alone, which looks good for that reason \
               only. G-MoN and re-weighting trust the fold again when n is so large that it stands \
               out by less than the factor that they allow; ridge learns the mean of all lanes, \
@@ -209,8 +209,8 @@ pub(super) const REGIMES: &[Regime] = &[
         what: "The Gaussians at the points of the Halton sequence in base 2: one run.",
         why: "S converges nearly as 1/n, and its steps are no noise that could be averaged. Sample i \
               mod 4 fixes the two leading bits of x, so that each fold sees a quarter of the \
-              interval: fold means are no estimates of I, and every method that takes them for \
-              such fails.",
+              interval: fold means are no estimates of I, and every method that uses them as \
+              estimates fails.",
         make: |n, _| halton(n, 1, |_| 0),
         far: false,
     },
@@ -243,7 +243,7 @@ pub(super) const REGIMES: &[Regime] = &[
         name: "nonfinite",
         what: "The Gaussians; one lane in ten has a NaN or an infinity among its terms, \
                another one in ten among its folds.",
-        why: "Lanes with such a number among what a method reads hold S, and say so; the others are as \
+        why: "Lanes where a method reads one of these numbers keep S, and say so; the others are as \
               before.",
         make: nonfinite,
         far: false,
@@ -267,7 +267,7 @@ pub(super) const SERIES: [Series; 4] = [
 ];
 
 impl Series {
-    /// Its partial sums with so many terms each, as a batch and in f64.
+    /// Its partial sums of these numbers of terms, as a batch and in f64.
     pub(super) fn at(&self, counts: &[u32]) -> (Case, Vec<f64>) {
         series(counts, self.limit, self.term)
     }

@@ -1,13 +1,22 @@
-//! What kind of file stands at a path, and whether `nst` wrote it.
+//! What kind of file is at a path, and whether `nst` wrote it.
 
 use std::{fs::File, io::Read, path::Path};
 
-use super::{Name, SOFTWARE};
 use crate::{
     Error, dataset,
     header::{ExrHeader, is_exr},
+    output_file::SOFTWARE,
     png,
 };
+
+/// Who chose the name of an output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Name {
+    /// The user: a file of the same kind may be replaced.
+    Given,
+    /// The program: a file of the same kind may be replaced if `nst` wrote it.
+    Default,
+}
 
 /// A kind of file that is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,9 +37,9 @@ pub enum Kind {
 
 /// What was found at a path.
 struct Found {
-    /// `None`: of no kind that is written.
+    /// `None` for a kind that `nst` does not write.
     kind: Option<Kind>,
-    /// Whether `nst` says in it that it wrote it.
+    /// Whether the file says that `nst` wrote it.
     ours: bool,
 }
 
@@ -46,7 +55,7 @@ impl Kind {
         }
     }
 
-    /// Fails if a file stands at `path` that one of this kind must not replace.
+    /// Fails if there is a file at `path` that one of this kind must not replace.
     pub(super) fn check(self, path: &Path, name: Name) -> Result<(), Error> {
         match std::fs::metadata(path) {
             // Nothing is lost with an empty file.
@@ -59,12 +68,12 @@ impl Kind {
         if found.kind != Some(self) {
             let there = found.kind.map_or("another kind of file", Self::name);
             let message =
-                format!("{there} stands there, and this is {}; give another name", self.name());
+                format!("{there} is there, and this is {}; give another name", self.name());
             return Err(Error::output(path, message));
         }
         if name == Name::Default && !found.ours {
-            let message = "a file stands there that nst did not write; give another name with \
-                           --output, or move that file away";
+            let message = "there is a file that nst did not write; move it away, or choose \
+                           another name with --output";
             return Err(Error::output(path, message));
         }
         Ok(())
@@ -78,7 +87,7 @@ impl Found {
         let mut start = Vec::new();
         File::open(path).map_err(failed)?.take(1 << 12).read_to_end(&mut start).map_err(failed)?;
         if is_exr(path)? {
-            // One that is damaged may have been anything.
+            // Nobody knows what a damaged file was.
             let Ok(header) = ExrHeader::read(path) else {
                 return Ok(Self { kind: Some(Kind::Picture), ours: false });
             };
@@ -95,8 +104,8 @@ impl Found {
         if dataset::safetensors_format(path).is_ok_and(|format| format == dataset::FORMAT) {
             return Ok(Self { kind: Some(Kind::Dataset), ours: true });
         }
-        // Nothing in a text says who wrote it. Scenes begin with remarks, too, so that its
-        // name must agree.
+        // A text does not say who wrote it. Scenes begin with remarks, too: the name must
+        // agree.
         let named =
             |wanted: &str| path.extension().is_some_and(|it| it.eq_ignore_ascii_case(wanted));
         let text = text_at(&start);
@@ -134,11 +143,7 @@ fn is_ours(software: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        ColorModel,
-        output::{OutputFile, Outputs},
-        picture_writer::write_exr,
-    };
+    use crate::{ColorModel, output_file::OutputFile, outputs::Outputs, picture_writer::write_exr};
 
     fn write(path: &Path, kind: Kind) -> Result<(), Error> {
         let mut output = OutputFile::create(path)?;

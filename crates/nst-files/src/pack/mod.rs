@@ -1,7 +1,10 @@
-//! Other renderers' pictures as sequences: independent renderings, of which the
-//! progressive means are taken, or the snapshots of one progressive rendering.
-//! Pictures are read by strips of rows, each in turn: no more than a strip of
-//! the sequence is in memory, however many files there are.
+//! Makes a sequence from pictures of other renderers: the running means of independent
+//! renderings, or the snapshots of one progressive rendering. Pictures are read one after
+//! the other, strip by strip: no more than a strip of the sequence is in memory, however
+//! many files there are.
+
+mod moments;
+mod names;
 
 use std::{
     hash::{DefaultHasher, Hash, Hasher},
@@ -17,15 +20,18 @@ use crate::{
     limits::{BLOCK_ROWS, strip_rows},
     picture::Picture,
 };
+use moments::Moments;
+pub use names::samples_in_name;
 
-/// What pictures are of a sequence.
+/// What the pictures are.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Pack {
-    /// Independent renderings with this many samples per pixel each. Term k is the mean
-    /// of the first k; picture i belongs to fold i mod 4.
+    /// Independent renderings with this many samples per pixel each. Term k is the mean of
+    /// the first k; picture i belongs to fold i mod 4. Values that are not finite are left
+    /// out of means, folds and variance.
     Samples(u32),
     /// The terms themselves, with these numbers of samples per pixel. There are neither
-    /// folds nor a variance: the samples behind rounded means are lost.
+    /// folds nor a variance: they cannot be computed from rounded means.
     Estimates(Vec<u32>),
 }
 
@@ -35,19 +41,21 @@ pub struct Packer {
     pictures: Vec<Picture>,
     pack: Pack,
     sample_counts: Vec<u32>,
-    /// By picture: a hash of its values, whether they are all equal, and how many are not finite.
+    /// What was seen of each picture so far.
     seen: Vec<Seen>,
 }
 
 #[derive(Clone, Debug, Default)]
 struct Seen {
     hash: DefaultHasher,
+    /// The bits of the first value, and whether another differs from it.
     first: Option<u32>,
     varies: bool,
+    /// How many values are not finite.
     nonfinite: u64,
 }
 
-/// Opens pictures and checks that they have one size, one position and equally many channels.
+/// Opens pictures, and checks that all have the same size, position and number of channels.
 ///
 /// # Errors
 /// [`Error::Io`] or [`Error::Malformed`] names the file and what is wrong, or how it differs
@@ -117,7 +125,7 @@ impl Packer {
         self.pictures[0].size
     }
 
-    /// Three channels are taken for R, G, B in linear sRGB.
+    /// The channels of the sequence; three count as R, G, B in linear sRGB.
     #[must_use]
     pub fn model(&self) -> ColorModel {
         match self.pictures[0].channel_names.len() {
@@ -145,7 +153,7 @@ impl Packer {
         }
     }
 
-    /// The strips of rows to read one after the other.
+    /// The strips of rows to [read](Self::read), one after the other.
     pub fn strips(&self) -> impl Iterator<Item = Range<u32>> + use<> {
         let [width, height] = self.size();
         let row = size_of::<f32>() * self.model().channels().len() * width as usize;
@@ -190,9 +198,9 @@ impl Packer {
         Ok(batch)
     }
 
-    /// Checks, when all strips are read, that no two renderings hold the same
-    /// numbers: they would not be independent. Returns the pictures that
-    /// contain values that are not finite, and how many.
+    /// Checks, when all strips are read, that no two renderings have the same pixels: they
+    /// would not be independent. Returns the pictures that contain values that are not
+    /// finite, and how many.
     ///
     /// # Errors
     /// [`Error::Malformed`] names two equal files.
@@ -200,11 +208,11 @@ impl Packer {
         if let Pack::Samples(_) = self.pack {
             let mut hashes = std::collections::BTreeMap::<u64, &Path>::new();
             for (picture, seen) in self.pictures.iter().zip(&self.seen) {
-                // A black picture may come twice.
+                // Several pictures may be black, or of another single value.
                 let earlier = hashes.insert(seen.hash.finish(), picture.path());
                 if let (true, Some(earlier)) = (seen.varies, earlier) {
                     let message = format!(
-                        "it holds the same pixels as '{}'; independent renderings need different seeds",
+                        "it has the same pixels as '{}'; independent renderings need different seeds",
                         earlier.display()
                     );
                     return Err(Error::malformed(picture.path(), message));
@@ -226,117 +234,11 @@ impl Seen {
     }
 }
 
-/// Sums over pictures by lane, in f64. Values that are not finite are left out: what
-/// they would have been is not known, and one of them would leave nothing of the others.
-struct Moments {
-    /// How many pictures have been added.
-    pictures: usize,
-    folds: [Fold; FOLDS],
-    /// The sum of squared deviations from the mean so far (Welford 1962).
-    deviations: Vec<f64>,
-}
-
-/// The finite values of a fold, by lane.
-struct Fold {
-    sum: Vec<f64>,
-    count: Vec<u32>,
-}
-
-impl Moments {
-    fn new(lanes: usize) -> Self {
-        let fold = |_| Fold { sum: vec![0.0; lanes], count: vec![0; lanes] };
-        Self { pictures: 0, folds: std::array::from_fn(fold), deviations: vec![0.0; lanes] }
-    }
-
-    /// Adds a picture, and the mean so far to `terms`.
-    fn push(&mut self, values: &[f32], terms: &mut Vec<f32>) {
-        for (lane, &value) in values.iter().enumerate() {
-            let value = f64::from(value);
-            if value.is_finite() {
-                let before = self.mean(lane);
-                let fold = &mut self.folds[self.pictures % FOLDS];
-                fold.sum[lane] += value;
-                fold.count[lane] += 1;
-                if self.count(lane) > 1.0 {
-                    self.deviations[lane] += (value - before) * (value - self.mean(lane));
-                }
-            }
-            terms.push(self.mean(lane) as f32);
-        }
-        self.pictures += 1;
-    }
-
-    /// How many values of a lane are finite.
-    fn count(&self, lane: usize) -> f64 {
-        self.folds.iter().map(|fold| f64::from(fold.count[lane])).sum()
-    }
-
-    /// The mean of the finite values of a lane, NaN if there are none.
-    fn mean(&self, lane: usize) -> f64 {
-        self.folds.iter().map(|fold| fold.sum[lane]).sum::<f64>() / self.count(lane)
-    }
-
-    /// The means of a fold, NaN where it has no finite value.
-    fn fold(&self, fold: usize) -> Vec<f32> {
-        let Fold { sum, count } = &self.folds[fold];
-        sum.iter().zip(count).map(|(sum, count)| (sum / f64::from(*count)) as f32).collect()
-    }
-
-    /// The estimated variance of the mean of all: Σ (x − x̄)² / (R (R − 1)); infinite where
-    /// fewer than two values are finite.
-    fn variance(&self) -> Vec<f32> {
-        let of_lane = |(lane, sum): (usize, &f64)| {
-            let count = self.count(lane);
-            if count > 1.0 { (sum / (count * (count - 1.0))) as f32 } else { f32::INFINITY }
-        };
-        self.deviations.iter().enumerate().map(of_lane).collect()
-    }
-}
-
-/// The number of samples in a file's name: the one beside `spp`, else the last,
-/// as in `box-0064spp.exr` and `box_64.exr`.
-#[must_use]
-pub fn samples_in_name(path: &Path) -> Option<u32> {
-    let stem = path.file_stem()?.to_string_lossy().to_ascii_lowercase();
-    let digits = |text: &str| -> String { text.chars().take_while(char::is_ascii_digit).collect() };
-    let last_digits = |text: &str| -> String {
-        let reversed = digits(&text.chars().rev().collect::<String>());
-        reversed.chars().rev().collect()
-    };
-    let separators = ['-', '_', ' ', '.', '='];
-    let beside = stem.split_once("spp").map(|(before, after)| {
-        let before = last_digits(before.trim_end_matches(separators));
-        if before.is_empty() { digits(after.trim_start_matches(separators)) } else { before }
-    });
-    let number = beside
-        .filter(|number| !number.is_empty())
-        .unwrap_or_else(|| last_digits(stem.trim_end_matches(|c: char| !c.is_ascii_digit())));
-    number.parse().ok().filter(|&number| number > 0)
-}
-
 #[cfg(test)]
 mod tests {
     use exr::prelude::*;
 
     use super::*;
-
-    #[test]
-    fn numbers_in_names() {
-        for (name, samples) in [
-            ("box-0064spp.exr", Some(64)),
-            ("a/box_64.exr", Some(64)),
-            ("spp16.exr", Some(16)),
-            ("1080p_16_spp_v2.exr", Some(16)),
-            ("1080p-spp=32_v2.exr", Some(32)),
-            ("v2-00128-final.exr", Some(128)),
-            ("spp.exr", None),
-            ("box.exr", None),
-            ("box-0.exr", None),
-            ("box-99999999999.exr", None),
-        ] {
-            assert_eq!(samples_in_name(Path::new(name)), samples, "{name}");
-        }
-    }
 
     /// Pictures of 5x40 pixels, whose values follow from the picture and the pixel.
     fn value(picture: usize, lane: usize) -> f32 {
@@ -392,32 +294,6 @@ mod tests {
         packer.read(0..16)?;
         assert_eq!(packer.finish()?, []);
         Ok(())
-    }
-
-    /// One picture spoils nothing but what it alone could tell.
-    #[test]
-    fn values_that_are_not_finite_are_left_out() {
-        let (nan, inf) = (f32::NAN, f32::INFINITY);
-        // By picture: lanes that are bad never, once, at first, and but for one value.
-        let pictures = [
-            [1.0, 1.0, nan, nan],
-            [2.0, inf, 2.0, nan],
-            [3.0, 3.0, 3.0, -inf],
-            [4.0, 4.0, 4.0, 4.0],
-            [6.0, 6.0, 6.0, nan],
-        ];
-        let mut moments = Moments::new(4);
-        let mut terms = Vec::new();
-        pictures.iter().for_each(|values| moments.push(values, &mut terms));
-        let last = &terms[16..];
-        assert_eq!(last, [3.2, 3.5, 3.75, 4.0]);
-        assert!(terms[2].is_nan(), "nothing is known after the first picture");
-        assert_eq!((moments.fold(0)[1], moments.fold(0)[2]), (3.5, 6.0));
-        assert!(moments.fold(1)[1].is_nan(), "its only value was infinite");
-        // 1, 3, 4, 6: squared deviations of 13 in all, over 4 · 3.
-        let variance = moments.variance();
-        assert!((f64::from(variance[1]) - 13.0 / 12.0).abs() < 1e-6, "{}", variance[1]);
-        assert_eq!(variance[3], f32::INFINITY, "one value says nothing of its error");
     }
 
     #[test]

@@ -1,0 +1,138 @@
+//! The commands and their options. Commands with many options have a module each.
+
+mod bench;
+mod method;
+mod pack;
+mod render;
+mod values;
+
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand};
+
+pub(crate) use bench::{Bench, BenchArgs, BenchSceneArgs, BenchStabilityArgs};
+pub(crate) use method::{BackendArg, MethodArgs, TransformArg};
+pub(crate) use pack::{PackArgs, PackAs};
+pub(crate) use render::{IntegratorArg, KeepArg, RenderArgs};
+use values::ending_in;
+pub(crate) use values::has_extension;
+
+/// Monte Carlo renderings that converge faster: neural sequence transformation.
+#[derive(Debug, Parser)]
+#[command(version)]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    Render(RenderArgs),
+    Transform(TransformArgs),
+    Pack(PackArgs),
+    Merge(MergeArgs),
+    Info(InfoArgs),
+    Compare(CompareArgs),
+    Bench(BenchArgs),
+}
+
+impl Command {
+    /// The options that all commands have.
+    pub(crate) fn common(&self) -> &CommonArgs {
+        match self {
+            Self::Render(args) => &args.common,
+            Self::Transform(args) => &args.common,
+            Self::Pack(args) => &args.common,
+            Self::Merge(args) => &args.common,
+            Self::Info(args) => &args.common,
+            Self::Compare(args) => &args.common,
+            Self::Bench(BenchArgs { bench: Bench::Scene(args) }) => &args.common,
+            Self::Bench(BenchArgs { bench: Bench::Stability(args) }) => &args.common,
+        }
+    }
+}
+
+/// Transform a stored sequence, write EXR.
+#[derive(Debug, clap::Args)]
+pub(crate) struct TransformArgs {
+    /// Sequence file, as written by `nst render --sequence`.
+    #[arg(value_name = "EXR")]
+    pub(crate) sequence: PathBuf,
+    /// Picture to write. [default: beside the sequence, ending in .nst.exr]
+    #[arg(short, long, value_name = "EXR", value_parser = ending_in("exr"))]
+    pub(crate) output: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) method: MethodArgs,
+    #[command(flatten)]
+    pub(crate) common: CommonArgs,
+}
+
+/// Join sequences of one scene that were rendered with different seeds.
+#[derive(Debug, clap::Args)]
+pub(crate) struct MergeArgs {
+    /// Sequence files that agree in size, scene, sampler and terms.
+    #[arg(value_name = "EXR", required = true)]
+    pub(crate) files: Vec<PathBuf>,
+    /// Sequence to write.
+    #[arg(short, long, value_name = "EXR", value_parser = ending_in("exr"))]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) common: CommonArgs,
+}
+
+/// Show what is in a file: a sequence or picture (EXR), a scene (OBJ), a network's weights
+/// or a dataset (safetensors).
+#[derive(Debug, clap::Args)]
+pub(crate) struct InfoArgs {
+    /// The file.
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    #[command(flatten)]
+    pub(crate) common: CommonArgs,
+}
+
+/// Compare pictures with a reference: MSE, relMSE and SMAPE.
+///
+/// Several pictures count as independent runs of one method: the error is the mean over
+/// them, and is split into bias and variance.
+#[derive(Debug, clap::Args)]
+pub(crate) struct CompareArgs {
+    /// EXR pictures of any program, all of the same size; the last is the reference.
+    #[arg(value_name = "EXR", required = true)]
+    pub(crate) files: Vec<PathBuf>,
+    /// Layer of the pictures to compare, as in S; of the reference, the main picture is
+    /// used. [default: the main picture]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) layer: Option<String>,
+    /// Also write a picture of each pixel's relative squared error, in false colours on a
+    /// logarithmic scale.
+    #[arg(long, value_name = "PNG", value_parser = ending_in("png"))]
+    pub(crate) error_map: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) common: CommonArgs,
+}
+
+#[derive(Debug, clap::Args)]
+pub(crate) struct CommonArgs {
+    /// Threads to use. [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) threads: Option<u16>,
+    /// Print only errors and warnings.
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
+    /// Print the report as one JSON object.
+    #[arg(long, conflicts_with = "quiet")]
+    pub(crate) json: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Args::command().debug_assert();
+    }
+}

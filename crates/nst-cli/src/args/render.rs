@@ -1,0 +1,139 @@
+//! `nst render`.
+
+use std::path::PathBuf;
+
+use clap::{ArgGroup, ValueEnum};
+use nst_files::output::Name;
+use nst_render::{PixelFilter, SamplerKind};
+
+use super::{
+    CommonArgs, MethodArgs, has_extension,
+    values::{ending_in, size},
+};
+use crate::error::Error;
+
+/// Render a scene, transform each pixel's sequence, write EXR and PNG.
+#[derive(Debug, clap::Args)]
+#[command(group(ArgGroup::new("stored").args(["sequence", "resume", "runs"]).multiple(true)))]
+pub(crate) struct RenderArgs {
+    /// OBJ file; its MTL files, and a TOML file of the same name, are read with it.
+    #[arg(long, value_name = "OBJ")]
+    pub(crate) scene: PathBuf,
+    /// Samples per pixel.
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) spp: u32,
+    /// Picture to write (.exr); a PNG is written beside it. With --runs, the dataset
+    /// (.safetensors). [default: the scene's name, in this folder]
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: Option<PathBuf>,
+    /// Instead of a picture, write a dataset for training: this many independent runs,
+    /// whose seeds count up from --seed.
+    #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "sequence")]
+    pub(crate) runs: Option<u32>,
+    /// Also store the sequence, for `nst transform` and --resume.
+    #[arg(long, value_name = "EXR", value_parser = ending_in("exr"))]
+    pub(crate) sequence: Option<PathBuf>,
+    /// Continue the rendering of this sequence file, up to --spp. Options that the file
+    /// sets can be left out. Without --sequence, the file itself is replaced by the longer
+    /// sequence.
+    #[arg(long, value_name = "EXR", conflicts_with = "runs")]
+    pub(crate) resume: Option<PathBuf>,
+    /// Which terms of the sequence to store. [default: window; with --runs, all]
+    #[arg(long, value_enum, requires = "stored")]
+    pub(crate) keep: Option<KeepArg>,
+    /// Film size in pixels, as in 512x512. [default: the scene's]
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    pub(crate) size: Option<[u32; 2]>,
+    /// Which random numbers to use. [default: random]
+    #[arg(long, value_enum)]
+    pub(crate) sampler: Option<SamplerArg>,
+    /// Seed of the random numbers; runs with different seeds are independent. [default: 0]
+    #[arg(long)]
+    pub(crate) seed: Option<u64>,
+    /// `path`: paths up to the depth; `direct`: depth 2, direct light only. [default: path]
+    #[arg(long, value_enum)]
+    pub(crate) integrator: Option<IntegratorArg>,
+    /// Path vertices after the camera that may scatter or emit: 1 shows lights only.
+    /// [default: the scene's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) max_depth: Option<u32>,
+    /// Where in a pixel samples are. [default: box]
+    #[arg(long, value_enum)]
+    pub(crate) pixel: Option<PixelArg>,
+    #[command(flatten)]
+    pub(crate) method: MethodArgs,
+    #[command(flatten)]
+    pub(crate) common: CommonArgs,
+}
+
+impl RenderArgs {
+    /// Where the picture or the dataset goes.
+    pub(crate) fn output(&self, scene: &str) -> Result<PathBuf, Error> {
+        let extension = if self.runs.is_some() { "safetensors" } else { "exr" };
+        match &self.output {
+            None => Ok(PathBuf::from(format!("{scene}.{extension}"))),
+            Some(path) if has_extension(path, extension) => Ok(path.clone()),
+            Some(path) => Err(Error::Usage(format!(
+                "--output '{}': the name must end in .{extension}",
+                path.display()
+            ))),
+        }
+    }
+
+    /// Whether the user or the program chose that name.
+    pub(crate) fn output_name(&self) -> Name {
+        if self.output.is_some() { Name::Given } else { Name::Default }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum KeepArg {
+    /// The last eight terms, or as many as the network reads.
+    Window,
+    /// The window, and the terms of 1, 2, 4, 8, … samples.
+    Pow2,
+    /// All terms, from one sample on.
+    All,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SamplerArg {
+    /// Independent and uniform.
+    Random,
+    /// A scrambled Halton sequence for each pixel.
+    Halton,
+}
+
+impl From<SamplerArg> for SamplerKind {
+    fn from(arg: SamplerArg) -> Self {
+        match arg {
+            SamplerArg::Random => Self::Random,
+            SamplerArg::Halton => Self::Halton,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum IntegratorArg {
+    /// Paths up to the depth.
+    Path,
+    /// Lights, and light that reaches the first surface directly.
+    Direct,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PixelArg {
+    /// Uniformly, which smooths edges.
+    Box,
+    /// At the centre, as in the paper.
+    Center,
+}
+
+impl From<PixelArg> for PixelFilter {
+    fn from(arg: PixelArg) -> Self {
+        match arg {
+            PixelArg::Box => Self::Box,
+            PixelArg::Center => Self::Center,
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! Values of several options.
+
+use std::path::{Path, PathBuf};
+
+use clap::builder::{PathBufValueParser, TypedValueParser};
+
+pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
+    text.split_once('x')
+        .and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]))
+        .filter(|size| !size.contains(&0))
+        .ok_or_else(|| "a size is two numbers above 0, as in 512x512".to_owned())
+}
+
+/// Takes a path with an extension; file names need not be UTF-8.
+pub(super) fn ending_in(extension: &'static str) -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(move |path| {
+        let fits = has_extension(&path, extension);
+        if fits { Ok(path) } else { Err(format!("the name must end in .{extension}")) }
+    })
+}
+
+/// Whether a path ends in the extension, in upper or lower case.
+pub(crate) fn has_extension(path: &Path, wanted: &str) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+    use crate::args::Args;
+
+    #[test]
+    fn sizes_and_paths() {
+        assert_eq!(size("640x480"), Ok([640, 480]));
+        for bad in ["640", "640x", "0x3", "-1x3", "1x2x3"] {
+            assert!(size(bad).is_err(), "{bad}");
+        }
+        let transform = |output| Args::try_parse_from(["nst", "transform", "s.exr", "-o", output]);
+        assert!(transform("x.EXR").is_ok() && transform("x.png").is_err());
+    }
+}

@@ -1,0 +1,118 @@
+//! Sequences that fit the memory.
+
+use std::{ops::Range, path::Path};
+
+use ndarray::Array2;
+use nst_core::{Grid, LaneSums, SequenceBatch, Side};
+
+use super::{info::SequenceInfo, reader::SequenceReader, writer::SequenceWriter};
+use crate::{Error, output_file::OutputFile};
+
+/// A whole sequence in memory.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SequenceFile {
+    /// What the file says about itself.
+    pub info: SequenceInfo,
+    /// Planar lanes.
+    pub batch: SequenceBatch,
+    /// What the rendering can be continued from, if [`SequenceInfo::resume`] says how.
+    pub sums: Option<Vec<LaneSums>>,
+}
+
+impl SequenceFile {
+    /// Writes the file. The caller commits `output`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it cannot be written, [`Error::Mismatch`] if its parts
+    /// do not fit together.
+    pub fn write(&self, output: &mut OutputFile) -> Result<(), Error> {
+        let mut writer = SequenceWriter::create(output, &self.info)?;
+        writer.push(&self.batch, self.sums.as_deref())?;
+        writer.finish()
+    }
+
+    /// Reads a whole file.
+    ///
+    /// # Errors
+    /// [`Error::Io`] or [`Error::Malformed`] names the file and what is wrong with it.
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        Self::read_with(path, true)
+    }
+
+    /// Reads what a rendering is continued from: all but folds and variance, which follow
+    /// from the sums.
+    ///
+    /// # Errors
+    /// As [`SequenceFile::read`].
+    pub fn read_to_resume(path: &Path) -> Result<Self, Error> {
+        Self::read_with(path, false)
+    }
+
+    fn read_with(path: &Path, with_sides: bool) -> Result<Self, Error> {
+        let mut reader = SequenceReader::open(path)?;
+        let info = reader.info().clone();
+        let grid = info.grid()?;
+        let mut terms = Vec::new();
+        reserve(path, &mut terms, info.sample_counts.len(), grid.lanes())?;
+        // Folds and variance follow from the sums.
+        let wanted = |side: &Side| with_sides || !matches!(side, Side::Fold(_) | Side::Variance);
+        let mut sides: Vec<(Side, Vec<f32>)> =
+            info.sides.iter().filter(|side| wanted(side)).map(|s| (s.clone(), vec![])).collect();
+        for (side, values) in &mut sides {
+            let channels = info.model.side_channels(side).len();
+            reserve(path, values, channels, grid.pixels())?;
+        }
+        let mut sums = info.resume.as_ref().map(|_| Vec::new());
+        if let Some(sums) = &mut sums {
+            reserve(path, sums, 1, grid.lanes())?;
+        }
+        let mut rows = 0..0;
+        while let Some((strip, strip_sums)) = reader.next_with_sums()? {
+            let strip_rows = strip.grid().map_or(0, Grid::rows);
+            rows = rows.end..rows.end + strip_rows;
+            let place = rows.start * grid.width()..rows.end * grid.width();
+            for (k, term) in terms.chunks_exact_mut(grid.lanes()).enumerate() {
+                put(term, &grid, &place, strip.term(k));
+            }
+            for (side, values) in &mut sides {
+                put(values, &grid, &place, strip.side(side).unwrap_or_default());
+            }
+            if let (Some(sums), Some(strip_sums)) = (&mut sums, &strip_sums) {
+                put(sums, &grid, &place, strip_sums);
+            }
+        }
+        let terms = Array2::from_shape_vec((info.sample_counts.len(), grid.lanes()), terms)
+            .map_err(|error| Error::malformed(path, error.to_string()))?;
+        let mut batch = SequenceBatch::new(terms, info.sample_counts.clone())?;
+        batch.set_grid(grid)?;
+        for (side, values) in sides {
+            batch.set_side(side, values)?;
+        }
+        Ok(Self { info, batch, sums })
+    }
+}
+
+/// Makes a vector of zeros, or says how much memory it would take.
+fn reserve<T: Clone + Default>(
+    path: &Path,
+    values: &mut Vec<T>,
+    planes: usize,
+    plane: usize,
+) -> Result<(), Error> {
+    let count = planes.saturating_mul(plane);
+    values.try_reserve_exact(count).map_err(|_| {
+        let bytes = count.saturating_mul(size_of::<T>());
+        let message = format!("it does not fit the memory: {} MiB are needed", bytes >> 20);
+        Error::malformed(path, message)
+    })?;
+    values.resize(count, T::default());
+    Ok(())
+}
+
+/// Puts the pixels of a strip, plane by plane, where they belong in the whole picture.
+fn put<T: Copy>(whole: &mut [T], grid: &Grid, place: &Range<usize>, part: &[T]) {
+    let planes = whole.chunks_exact_mut(grid.pixels()).zip(part.chunks_exact(place.len()));
+    for (image, values) in planes {
+        image[place.clone()].copy_from_slice(values);
+    }
+}
