@@ -33,6 +33,9 @@ pub(crate) struct Summary {
     files: Vec<String>,
     /// What was assumed, and what was lost.
     notes: Vec<String>,
+    /// How many of the notes have been printed before.
+    #[serde(skip)]
+    said: usize,
 }
 
 /// How many lanes one or several batches have, by status.
@@ -76,7 +79,7 @@ impl Stopwatch {
         method: &Method,
         counts: LaneCounts,
         files: Vec<String>,
-        notes: Vec<String>,
+        (notes, said): (Vec<String>, usize),
     ) -> Summary {
         let rate = |render: &RenderStats| render.paths as f64 / render.time.as_secs_f64();
         Summary {
@@ -95,6 +98,7 @@ impl Stopwatch {
             lanes_fallen_back: counts.fallen_back,
             files,
             notes,
+            said,
         }
     }
 }
@@ -137,7 +141,7 @@ impl fmt::Display for Summary {
                 self.transform_seconds, self.lanes, self.lanes_skipped, self.lanes_fallen_back
             )?;
         }
-        for note in &self.notes {
+        for note in &self.notes[self.said..] {
             writeln!(f, "note       {note}")?;
         }
         writeln!(f, "wrote      {} ({:.2} s)", self.files.join(", "), self.io_seconds)?;

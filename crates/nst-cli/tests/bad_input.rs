@@ -190,7 +190,7 @@ fn seeds_that_leave_no_room_for_runs() {
     let bench = Bench::new();
     bench.write("x.obj", TRIANGLE);
     bench.succeed("render --scene x.obj --spp 1 --size 4x4 -o ref.exr -q");
-    let (last, runs) = (u64::MAX, ["--runs 1", "--runs 4294967295"]);
+    let (last, runs) = (u64::MAX, ["--runs 2", "--runs 4294967295"]);
     let scene = "bench scene --scene x.obj --reference ref.exr --spp 1 -o t.csv";
     for (args, seed, runs) in [
         ("render --scene x.obj --spp 1 --size 4x4", last, runs[0]),
@@ -198,13 +198,13 @@ fn seeds_that_leave_no_room_for_runs() {
         (scene, last, runs[0]),
         (scene, last - 1, runs[1]),
     ] {
-        let words =
-            [&*format!("--seed {seed}"), "leaves no room", runs.trim_start_matches("--runs ")];
+        let words = [&*format!("--seed {seed}"), "too large", runs.trim_start_matches("--runs ")];
         fails(&bench, &format!("{args} --seed {seed} {runs}"), 2, &words);
     }
     // A seed alone may be the last.
     bench.succeed(&format!("render --scene x.obj --spp 1 --size 4x4 -q --seed {last}"));
-    bench.succeed(&format!("{scene} --runs 1 -q --seed {}", last - 1));
+    bench.succeed(&format!("{scene} --runs 1 -q --seed {last}"));
+    bench.succeed(&format!("{scene} --runs 2 -q --seed {}", last - 1));
 }
 
 #[test]
@@ -290,6 +290,14 @@ fn resumed_renderings() {
     fails(&bench, &instead("packed.exr"), 2, &["packed.exr", "sums", "cannot be continued"]);
     fails(&bench, &instead("gone.exr"), 1, &["gone.exr", "read"]);
     fails(&bench, &instead("x.exr"), 1, &["x.exr", "no sequence"]);
+    // A sum that contradicts the fold's mean.
+    let mut file = SequenceFile::read(&seq).expect("the sequence");
+    file.sums.as_mut().expect("its sums")[7].folds[2] *= 1.5;
+    let mut output = OutputFile::create(&bench.path("wrong.exr")).expect("a file");
+    file.write(&mut output).expect("it can be written");
+    output.commit().expect("it can be renamed");
+    let words = ["wrong.exr", "column 7, row 0", "contradict", "damaged"];
+    fails(&bench, &instead("wrong.exr"), 1, &words);
     let whole = std::fs::read(&seq).expect("the sequence");
     bench.write("cut.exr", &whole[..whole.len() - 200]);
     fails(&bench, &instead("cut.exr"), 1, &["cut.exr", "cut off or damaged"]);
@@ -370,6 +378,7 @@ fn comparisons() {
     let precious = Precious::of(&bench, "r1.png");
     fails(&bench, "compare", 2, &["EXR"]);
     fails(&bench, "compare r1.exr", 2, &["reference"]);
+    fails(&bench, "compare r1.exr ./r1.exr r2.exr", 2, &["./r1.exr", "twice"]);
     fails(&bench, "compare r1.exr gone.exr", 1, &["gone.exr", "read"]);
     fails(&bench, "compare text.exr r1.exr", 1, &["text.exr", "EXR"]);
     fails(&bench, "compare r1.exr r2.exr", 1, &["r1.exr", "8x8", "r2.exr", "8x9"]);
@@ -425,8 +434,9 @@ fn packs() {
     bench.write("cut.exr", &whole[..whole.len() - 100]);
     bench.write("text.exr", "this is no image");
     std::fs::copy(bench.path("s5.exr"), bench.path("seq.exr")).expect("a copy");
+    std::fs::copy(bench.path("s1.exr"), bench.path("again.exr")).expect("a copy");
     let precious = Precious::of(&bench, "seq.exr");
-    let cases: [(&str, i32, &[&str]); 25] = [
+    let cases: [(&str, i32, &[&str]); 26] = [
         ("r1.exr", 2, &["--as"]),
         ("--as samples", 2, &["EXR"]),
         ("r1.exr --as pictures", 2, &["pictures", "samples", "estimates", "runs"]),
@@ -449,7 +459,8 @@ fn packs() {
         ("r1.exr --as runs -o d.safetensors", 1, &["r1.exr", "no sequence"]),
         ("s1.exr s4.exr --as runs -o d.safetensors", 1, &["s1.exr", "s4.exr", "sizes"]),
         ("s1.exr s5.exr --as runs -o d.safetensors", 1, &["s5.exr", "nst.terms"]),
-        ("s1.exr s2.exr s1.exr --as runs -o d.safetensors", 1, &["s1.exr", "seed 1"]),
+        ("s1.exr s2.exr ./s1.exr --as runs -o d.safetensors", 2, &["./s1.exr", "twice"]),
+        ("s1.exr s2.exr again.exr --as runs -o d.safetensors", 1, &["again.exr", "seed 1"]),
         ("s1.exr --as runs --scene x -o d.safetensors", 2, &["--scene", "--as runs"]),
         ("r1.exr --as samples --spp 8 -o gone/seq.exr", 1, &["gone/seq.exr", "write"]),
     ];

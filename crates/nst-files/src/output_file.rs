@@ -41,12 +41,20 @@ impl OutputFile {
             // A file that is renamed to the name of a device replaces the device.
             return Err(Error::output(path, "it is not an ordinary file"));
         }
+        let old = std::fs::metadata(&target).ok();
+        if old.as_ref().is_some_and(|file| file.permissions().readonly()) {
+            return Err(Error::output(path, "the file there is read-only; give another name"));
+        }
         let mut builder = tempfile::Builder::new();
         builder.prefix(".nst-").suffix(".tmp");
         // A temporary file is private by default; an output follows the umask.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let file = builder.tempfile_in(folder_of(&target)).map_err(failed)?;
+        // Who could not read the old file cannot read the new one.
+        if let Some(old) = old {
+            file.as_file().set_permissions(old.permissions()).map_err(failed)?;
+        }
         Ok(Self { file, path: path.to_owned(), target })
     }
 
@@ -152,6 +160,23 @@ mod tests {
         OutputFile::create(&lost)?.commit()?;
         assert!(lost.is_symlink() && folder.path().join("new").is_file());
         assert!(OutputFile::create(Path::new("/dev/null")).is_err());
+        Ok(())
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn permissions_are_kept() -> Checked {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join("x");
+        std::fs::write(&path, "old")?;
+        let mode = |mode| std::fs::set_permissions(&path, PermissionsExt::from_mode(mode));
+        mode(0o600)?;
+        OutputFile::create(&path)?.commit()?;
+        assert_eq!(std::fs::metadata(&path)?.permissions().mode() & 0o777, 0o600);
+        mode(0o444)?;
+        let error = OutputFile::create(&path).expect_err("it is read-only").to_string();
+        assert!(error.contains("read-only"), "{error}");
         Ok(())
     }
 

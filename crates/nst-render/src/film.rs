@@ -39,8 +39,11 @@ impl Film {
     /// [`Error::Settings`] if there are no pixels or too many, [`Error::Memory`] if they
     /// do not fit.
     pub(crate) fn new(settings: &RenderSettings, size: [u32; 2]) -> Result<Self, Error> {
-        let grid = Grid::new(size[0], size[1], CHANNELS as u32, 0)
-            .map_err(|error| Error::Settings(error.to_string()))?;
+        let grid = Grid::new(size[0], size[1], CHANNELS as u32, 0).map_err(|_| {
+            let [width, height] = size;
+            let why = if width == 0 || height == 0 { "nothing to render" } else { "too many" };
+            Error::Settings(format!("{width}x{height} pixels are {why}; give another size"))
+        })?;
         let slots = Slots::new(settings.keep, settings.spp);
         memory::check_memory(size, settings)?;
         let skipped = vec![Skipped::new(); tiles::tiles(size).count()];

@@ -10,6 +10,7 @@ use nst_files::{
 };
 use serde::Serialize;
 
+use super::check_distinct;
 use crate::{args::CompareArgs, error::Error};
 
 /// The range of the error map: from where noise is no longer visible to errors above the
@@ -61,6 +62,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report, Error> {
         let message = "nothing to compare; name one or more pictures, and then the reference";
         return Err(Error::Usage(message.into()));
     };
+    check_distinct(pictures)?;
     let mut outputs = Outputs::of_inputs(&args.files);
     let open = |path: &PathBuf| outputs.open(path, Kind::Png, Name::Given);
     let mut map = args.error_map.as_ref().map(open).transpose()?;

@@ -8,6 +8,8 @@ mod pack;
 mod render;
 mod transform;
 
+use std::{collections::BTreeSet, path::PathBuf};
+
 use crate::{args::Command, error::Error, report::Done};
 
 /// The most numbers or names that a line of text lists, so that it fits a screen.
@@ -24,6 +26,20 @@ pub(crate) fn run(command: &Command) -> Result<Done, Error> {
         Command::Compare(args) => compare::run(args).map(Done::whole),
         Command::Bench(args) => bench::run(args),
     }
+}
+
+/// Fails if a file is named twice: it would count as two independent ones.
+fn check_distinct(paths: &[PathBuf]) -> Result<(), Error> {
+    let mut seen = BTreeSet::new();
+    // Files that are not there are reported by those who read them.
+    let places = paths.iter().filter_map(|path| Some((path, path.canonicalize().ok()?)));
+    for (path, place) in places {
+        if !seen.insert(place) {
+            let message = format!("'{}' is named twice; name each file once", path.display());
+            return Err(Error::Usage(message));
+        }
+    }
+    Ok(())
 }
 
 /// Numbers as text, like the names of [`list`].

@@ -42,7 +42,7 @@ pub(super) fn run(args: &TransformArgs) -> Result<Summary, Error> {
     let lanes = write(&mut watch, &method, &mut reader, &info, &mut exr)?;
     timed(&mut watch.io, || exr.commit())?;
     let files = vec![path.display().to_string()];
-    Ok(watch.summary(None, &method, lanes, files, Vec::new()))
+    Ok(watch.summary(None, &method, lanes, files, (Vec::new(), 0)))
 }
 
 /// Transforms the sequence into a picture with the layers `S` and `Variance`.

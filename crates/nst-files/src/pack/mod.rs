@@ -156,8 +156,10 @@ impl Packer {
     /// The strips of rows to [read](Self::read), one after the other.
     pub fn strips(&self) -> impl Iterator<Item = Range<u32>> + use<> {
         let [width, height] = self.size();
-        let row = size_of::<f32>() * self.model().channels().len() * width as usize;
-        let rows = strip_rows(row * self.pictures.len()).min(height.next_multiple_of(BLOCK_ROWS));
+        // Each picture's term; a picture as it is read; and what means are taken from.
+        let lane = size_of::<f32>() * (self.pictures.len() + 1) + Moments::BYTES_PER_LANE;
+        let row = lane * self.model().channels().len() * width as usize;
+        let rows = strip_rows(row).min(height.next_multiple_of(BLOCK_ROWS));
         (0..height)
             .step_by(rows as usize)
             .map(move |first| first..height.min(first.saturating_add(rows)))

@@ -19,6 +19,10 @@ struct Fold {
 }
 
 impl Moments {
+    /// What is kept of each lane.
+    pub(super) const BYTES_PER_LANE: usize =
+        FOLDS * (size_of::<f64>() + size_of::<u32>()) + size_of::<f64>();
+
     pub(super) fn new(lanes: usize) -> Self {
         let fold = |_| Fold { sum: vec![0.0; lanes], count: vec![0; lanes] };
         Self { pictures: 0, folds: std::array::from_fn(fold), deviations: vec![0.0; lanes] }

@@ -97,6 +97,7 @@ impl SequenceReader {
         let state = state.iter().map(|(name, kind)| channels.find(name, *kind));
         let state = state.collect::<Result<_, _>>()?;
         header.check_folds(&info)?;
+        check_resumable(&info).map_err(|why| Error::malformed(path, why))?;
         info.grid().map_err(|error| Error::malformed(path, error.to_string()))?;
         let step = strip_rows(rows.row_bytes());
         Ok(Self { rows, info, terms, sides, state, step, next: 0, halo: 0 })
@@ -193,6 +194,27 @@ impl Strips for SequenceReader {
         let Some((rows, grid)) = self.next_rows()? else { return Ok(None) };
         Ok(Some(Cow::Owned(self.batch(&rows, grid)?)))
     }
+}
+
+/// Fails if a file with a state lacks what the state is read with, or contradicts itself.
+fn check_resumable(info: &SequenceInfo) -> Result<(), String> {
+    let Some(resume) = &info.resume else { return Ok(()) };
+    let n = info.samples();
+    let needed = Side::ALL_FOLDS.iter().filter(|_| n as usize >= FOLDS);
+    let needed = needed.chain((n >= 2).then_some(&Side::Variance));
+    if let Some(side) = needed.into_iter().find(|&side| !info.sides.contains(side)) {
+        return Err(format!(
+            "layer '{side}' is missing, without which its state cannot be read; without \
+             attribute 'nst.keep' it is a sequence that cannot be continued"
+        ));
+    }
+    if resume.keep.sample_counts(n) != info.sample_counts {
+        let keep = resume.keep;
+        return Err(format!(
+            "attributes 'nst.keep' ({keep}) and 'nst.terms' contradict each other"
+        ));
+    }
+    Ok(())
 }
 
 /// The channels of a file: index and type, by name.

@@ -67,6 +67,35 @@ impl Known {
     }
 }
 
+/// How far a sum may be, relatively, from the 32-bit float that the file has of it: 2⁻²⁴ by
+/// rounding, and 2⁻²⁰ where a program has copied the file that stores integers as 32-bit
+/// floats, and a word of a state is off by one.
+const LOST_BITS: f64 = 1.0 / (1 << 17) as f64;
+
+/// Whether the sums of a lane agree with what the file says of it beside them: the last
+/// term, the fold means and the variance.
+pub(super) fn agree(sums: &LaneSums, last: f32, known: &Known) -> bool {
+    let close = |a: f64, b: f32, scale: f64| {
+        let b = f64::from(b);
+        let difference = (a - b).abs();
+        difference <= LOST_BITS * scale.max(b.abs()) + f64::from(f32::MIN_POSITIVE)
+            || a as f32 == b as f32
+            || !(a.is_finite() || b.is_finite())
+    };
+    let n = f64::from(known.n);
+    let folds_agree = sums.folds.iter().zip(known.means).enumerate().all(|(fold, (sum, mean))| {
+        let count = fold_count(fold, known.n);
+        known.n < FOLDS as u32 || close(sum / count, mean, (sum / count).abs())
+    });
+    let mean = sums.total() / n;
+    let scale = sums.folds.iter().map(|sum| sum.abs()).sum::<f64>() / n;
+    let spread = sums.squares / (n * (n - 1.0)).max(1.0);
+    let variance = f64::from(sums.variance(known.n));
+    folds_agree
+        && close(mean, last, scale)
+        && (known.n < 2 || close(variance, known.variance, spread.abs()))
+}
+
 /// What a batch says about each lane beside its terms.
 pub(super) struct KnownLanes<'a> {
     n: u32,
@@ -113,6 +142,35 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    #[test]
+    fn sums_that_contradict_the_file_are_seen() {
+        let mut sums = LaneSums::default();
+        (0..16).for_each(|i| sums.add(i, f64::from(i % 5) + 0.1));
+        let means = std::array::from_fn(|f| (sums.folds[f] / fold_count(f, 16)) as f32);
+        let known = Known { n: 16, means, variance: sums.variance(16) };
+        let last = (sums.total() / 16.0) as f32;
+        assert!(agree(&sums, last, &known));
+        // As after a copy by a program that stores integers as 32-bit floats.
+        let lossy = |x: f64| f64::from_bits((x.to_bits() & !0 << 9) + (1 << 32));
+        let copied = LaneSums { folds: sums.folds.map(lossy), squares: lossy(sums.squares) };
+        assert!(agree(&copied, last, &known));
+        let scaled = |i: usize, factor: f64| {
+            let mut wrong = sums;
+            match wrong.folds.get_mut(i) {
+                Some(fold) => *fold *= factor,
+                None => wrong.squares *= factor,
+            }
+            wrong
+        };
+        for i in 0..SUMS {
+            assert!(!agree(&scaled(i, 1.001), last, &known), "sum {i}");
+            assert!(!agree(&scaled(i, f64::NAN), last, &known), "sum {i}");
+        }
+        assert!(!agree(&sums, 1.001 * last, &known));
+        assert!(!agree(&sums, last, &Known { n: 17, ..known }));
+        assert!(!agree(&sums, last, &Known { means: [f32::NAN; FOLDS], ..known }));
+    }
 
     proptest! {
         /// Whatever the bits are, and whatever the file says beside them.

@@ -4,8 +4,14 @@ use std::{ops::Range, path::Path};
 
 use ndarray::Array2;
 use nst_core::{Grid, LaneSums, SequenceBatch, Side};
+use rayon::prelude::*;
 
-use super::{info::SequenceInfo, reader::SequenceReader, writer::SequenceWriter};
+use super::{
+    info::SequenceInfo,
+    reader::SequenceReader,
+    state::{KnownLanes, agree},
+    writer::SequenceWriter,
+};
 use crate::{Error, output_file::OutputFile};
 
 /// A whole sequence in memory.
@@ -78,6 +84,7 @@ impl SequenceFile {
                 put(values, &grid, &place, strip.side(side).unwrap_or_default());
             }
             if let (Some(sums), Some(strip_sums)) = (&mut sums, &strip_sums) {
+                check_sums(path, &strip, strip_sums)?;
                 put(sums, &grid, &place, strip_sums);
             }
         }
@@ -90,6 +97,26 @@ impl SequenceFile {
         }
         Ok(Self { info, batch, sums })
     }
+}
+
+/// Fails if sums contradict what the file says beside them: one of the two is damaged.
+fn check_sums(path: &Path, strip: &SequenceBatch, sums: &[LaneSums]) -> Result<(), Error> {
+    let known = KnownLanes::new(strip);
+    let contradictory = (0..strip.lanes())
+        .into_par_iter()
+        .find_first(|&lane| !agree(&sums[lane], strip.last()[lane], &known.lane(lane)));
+    let Some(lane) = contradictory else { return Ok(()) };
+    let (x, y) = strip.grid().map_or((lane, 0), |grid| {
+        let pixel = lane % grid.pixels();
+        (pixel % grid.width(), pixel / grid.width() + grid.first_row() as usize)
+    });
+    Err(Error::malformed(
+        path,
+        format!(
+            "the pixel at column {x}, row {y}: its sums ('state.…') contradict its means or its \
+             variance; the file is damaged"
+        ),
+    ))
 }
 
 /// Makes a vector of zeros, or says how much memory it would take.

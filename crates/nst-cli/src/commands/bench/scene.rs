@@ -68,7 +68,7 @@ struct Bench<'a> {
 }
 
 pub(super) fn run(args: &BenchSceneArgs) -> Result<Report, Error> {
-    if args.seed.checked_add(u64::from(args.runs)).is_none() {
+    if args.seed.checked_add(u64::from(args.runs - 1)).is_none() {
         return Err(Error::Usage(format!(
             "--seed {} is too large for {} runs, whose seeds count up from it",
             args.seed, args.runs

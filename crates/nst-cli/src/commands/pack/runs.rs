@@ -9,7 +9,11 @@ use nst_files::{
 };
 use serde::Serialize;
 
-use crate::{args::PackArgs, commands::numbers, error::Error};
+use crate::{
+    args::PackArgs,
+    commands::{check_distinct, numbers},
+    error::Error,
+};
 
 /// The sequences, and the dataset that was made from them.
 #[derive(Serialize)]
@@ -24,6 +28,7 @@ pub(super) struct Report {
 
 /// Copies the sequences one at a time.
 pub(super) fn run(args: &PackArgs) -> Result<Report, Error> {
+    check_distinct(&args.files)?;
     let mut outputs = Outputs::of_inputs(&args.files);
     let output = outputs.open(&args.output, Kind::Dataset, Name::Given)?;
     let infos = args

@@ -28,7 +28,7 @@ struct Report {
 
 pub(super) fn run(args: &RenderArgs, runs: u32) -> Result<Done, Error> {
     let settings = settings(args, DEFAULT_WINDOW, KeepArg::All);
-    if settings.seed.checked_add(u64::from(runs)).is_none() {
+    if settings.seed.checked_add(u64::from(runs - 1)).is_none() {
         return Err(Error::Usage(format!(
             "--seed {} is too large for {runs} runs, whose seeds count up from it",
             settings.seed

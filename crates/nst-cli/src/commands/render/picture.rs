@@ -155,7 +155,8 @@ impl Job<'_> {
             paths: paths(scene, samples - done),
         };
         let notes = self.notes(&rendering);
-        let report = watch.summary(Some(stats), &method, lanes, written, notes);
+        let report =
+            watch.summary(Some(stats), &method, lanes, written, (notes, scene.notes.len()));
         let early = (samples < args.spp).then(|| self.missing(samples));
         Ok(Done { report: Box::new(report), early })
     }
