@@ -186,7 +186,7 @@ fn renderings_that_no_memory_can_contain() {
 }
 
 #[test]
-fn seeds_that_leave_no_room_for_runs() {
+fn seeds_that_are_too_large_for_the_runs() {
     let bench = Bench::new();
     bench.write("x.obj", TRIANGLE);
     bench.succeed("render --scene x.obj --spp 1 --size 4x4 -o ref.exr -q");

@@ -1,5 +1,7 @@
 //! [`Transform`], the interface of every method; the type of its results; and the identity.
 
+use std::borrow::Cow;
+
 use crate::{Error, SequenceBatch, Side, Strips, Whole};
 
 /// A method that maps each sequence of a batch to one estimate of its limit.
@@ -152,17 +154,19 @@ impl Estimates {
         self.status.len() - self.count(Status::Ok) - self.count(Status::Constant)
     }
 
-    /// Sets every lane to S_n with one status.
-    pub(crate) fn fall_back(&mut self, batch: &SequenceBatch, status: Status) {
+    /// Sets every lane of a strip to S_n, with one status; lanes of a halo are left out.
+    pub fn fall_back(&mut self, strip: &SequenceBatch, status: Status) {
+        let last = strip.last();
+        let last = strip.grid().map_or(Cow::Borrowed(last), |grid| grid.inner(last));
         self.values.clear();
-        self.values.extend_from_slice(batch.last());
+        self.values.extend_from_slice(&last);
         self.status.clear();
-        self.status.resize(batch.lanes(), status);
+        self.status.resize(last.len(), status);
     }
 
-    /// Makes room for `lanes` lanes, all [`Status::Ok`]. Returns the values, which are
-    /// still to be written, and the statuses.
-    pub(crate) fn reset(&mut self, lanes: usize) -> (&mut [f32], &mut [Status]) {
+    /// Makes room for `lanes` lanes, all [`Status::Ok`]. Returns the values `[lane]`, which
+    /// are still to be written, and the statuses `[lane]`.
+    pub fn reset(&mut self, lanes: usize) -> (&mut [f32], &mut [Status]) {
         self.values.resize(lanes, 0.0);
         self.status.clear();
         self.status.resize(lanes, Status::Ok);
