@@ -16,7 +16,7 @@ use exr::prelude::{Compression, ReadChannels, ReadLayers, WritableImage};
 use ndarray::Array2;
 use nst_core::{
     Estimates, FOLDS, Grid, Identity, Keep, LaneSums, SequenceBatch, Side, Strips, Transform,
-    random::SplitMix64,
+    fold_count, random::SplitMix64,
 };
 use nst_files::{
     ColorModel,
@@ -40,20 +40,32 @@ fn allowed(bytes: usize) -> usize {
 fn sequence(model: ColorModel, resume: bool) -> SequenceFile {
     let size = [13, 21];
     let lanes = model.channels().len() * 13 * 21;
-    let smooth = |k: usize| (0..lanes).map(move |i| ((i / 40) + k) as f32);
     let counts = vec![1, 2, 4, 7, 8];
-    let terms = Array2::from_shape_vec((5, lanes), (0..5).flat_map(smooth).collect());
+    // Samples and their sums after each of the counted ones, `[term][lane]`.
+    let sums_of = |n: u32| -> Vec<LaneSums> {
+        let lane = |lane: usize| {
+            let mut sums = LaneSums::default();
+            (0..n).for_each(|i| sums.add(i, (lane / 40) as f64 + f64::from(i % 3)));
+            sums
+        };
+        (0..lanes).map(lane).collect()
+    };
+    let means =
+        |&n: &u32| sums_of(n).into_iter().map(move |sums| (sums.total() / f64::from(n)) as f32);
+    let terms = Array2::from_shape_vec((5, lanes), counts.iter().flat_map(means).collect());
     let mut batch = SequenceBatch::new(terms.expect("the shape"), counts.clone()).expect("a batch");
     let channels = model.channels().len() as u32;
     batch.set_grid(Grid::new(13, 21, channels, 0).expect("a grid")).expect("its lanes");
+    let sums = sums_of(8);
     for fold in 0..FOLDS {
-        batch.set_side(Side::Fold(fold as u8), smooth(fold).collect()).expect("a fold");
+        let mean = |sums: &LaneSums| (sums.folds[fold] / fold_count(fold, 8)) as f32;
+        let side = Side::Fold(fold as u8);
+        batch.set_side(side, sums.iter().map(mean).collect()).expect("a fold");
     }
-    batch.set_side(Side::Variance, smooth(1).collect()).expect("the variance");
-    let skipped = smooth(0).take(13 * 21).collect();
+    let variance = sums.iter().map(|sums| sums.variance(8)).collect();
+    batch.set_side(Side::Variance, variance).expect("the variance");
+    let skipped = (0..13 * 21).map(|pixel| (pixel / 40) as f32).collect();
     batch.set_side(Side::Skipped, skipped).expect("a number per pixel");
-    let sums = |y| LaneSums { folds: [0.0, 1.0, 2.0, 3.0].map(|k| f64::from(y) + k), squares: 9.0 };
-    let sums = smooth(0).map(sums).collect();
     let resume = resume.then_some(ResumeInfo {
         keep: Keep::Pow2(2),
         pixel_filter: "box".into(),
