@@ -98,7 +98,7 @@ fn rounds_to(value: f64, shown: &str, slack: f64) -> bool {
     (number - value).abs() <= half_unit(shown) * (1.0 + 1e-9) + slack * value.abs()
 }
 
-/// At least so many quotes, all of them right; thrice the values would be noticed.
+/// At least `least` quotes, all of them right; values three times as large would be noticed.
 fn check(quotes: &[Quote], least: usize, slack: f64) {
     let wrong = |factor: f64| -> Vec<String> {
         let wrong = quotes.iter().filter(|q| !rounds_to(factor * q.value, &q.shown, slack));

@@ -21,7 +21,7 @@ use fuzz::{damage_blindly, peak_of, pick, put_number};
 /// Cases for each file, unless the environment asks for others.
 const CASES_PER_FILE: u64 = 750;
 
-/// What reading a file of so many bytes may allocate at once. Deflate makes 1032 bytes
+/// What reading a file of `bytes` bytes may allocate at once. Deflate makes 1032 bytes
 /// out of one; they are there decompressed, in the decompressor's other buffers, and as
 /// lanes, and 16 bits become 32.
 fn allowed(bytes: usize) -> usize {

@@ -29,7 +29,7 @@ use fuzz::{NUMBERS, damage_blindly, peak_of, pick, put_number};
 /// Cases for each of five files, unless the environment asks for others.
 const CASES_PER_FILE: u64 = 2_400;
 
-/// What reading a file of so many bytes may allocate at once. Deflate makes 1032
+/// What reading a file of `bytes` bytes may allocate at once. Deflate makes 1032
 /// bytes out of one; a block is there decompressed, in the decompressor's other
 /// buffer, in a batch, and in the estimates.
 fn allowed(bytes: usize) -> usize {

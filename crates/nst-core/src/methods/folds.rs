@@ -18,6 +18,42 @@ pub(super) fn folds(batch: &SequenceBatch) -> Option<[&[f32]; FOLDS]> {
     Some([a, b, c, d])
 }
 
+/// A method that maps S_n and the fold means of each lane, by [`map_folds`].
+pub(super) trait OfFolds {
+    /// The estimate of a lane.
+    fn estimate(last: f64, folds: [f64; FOLDS]) -> f64;
+}
+
+/// Makes a type that is [`OfFolds`] a method. (A blanket implementation would collide with
+/// the one for classical methods.)
+macro_rules! of_folds {
+    ($method:ty) => {
+        impl crate::Transform for $method {
+            fn requires(&self) -> crate::Requirements {
+                $crate::methods::folds::OF_FOLDS
+            }
+
+            fn fit(
+                &self,
+                _: &mut dyn crate::Strips,
+            ) -> Result<Box<dyn crate::Fitted + '_>, crate::Error> {
+                Ok(Box::new(self))
+            }
+        }
+
+        impl crate::Fitted for $method {
+            fn apply(
+                &self,
+                strip: &crate::SequenceBatch,
+                out: &mut crate::Estimates,
+            ) -> Result<(), crate::Error> {
+                $crate::methods::folds::map_folds(strip, out, Self::estimate)
+            }
+        }
+    };
+}
+pub(super) use of_folds;
+
 /// Sets each lane to `estimate` of S_n and of its fold means.
 ///
 /// A lane falls back to S_n if one of these is not finite or if all fold means

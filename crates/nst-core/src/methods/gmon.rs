@@ -2,8 +2,8 @@
 //! (Buisine, Delepoulle, Renaud: *Firefly Removal in Monte Carlo Rendering with
 //! Adaptive Median of meaNs*, EGSR 2021).
 
-use super::folds::{OF_FOLDS, map_folds, sort};
-use crate::{Error, Estimates, FOLDS, Fitted, Requirements, SequenceBatch, Strips, Transform};
+use super::folds::{OfFolds, of_folds, sort};
+use crate::FOLDS;
 
 /// G-MoN of the K = 4 fold means: with their Gini coefficient
 ///
@@ -20,26 +20,16 @@ use crate::{Error, Estimates, FOLDS, Fitted, Requirements, SequenceBatch, Strips
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Gmon;
 
-impl Fitted for Gmon {
-    fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
-        map_folds(strip, out, |last, folds| {
-            let [a, b, c, d] = sort(folds);
-            let magnitude = a.abs() + b.abs() + c.abs() + d.abs();
-            let gini = (3.0 * (d - a) + (c - b)) / (FOLDS as f64 * magnitude);
-            if gini < 0.5 { last } else { 0.5 * (b + c) }
-        })
+impl OfFolds for Gmon {
+    fn estimate(last: f64, folds: [f64; FOLDS]) -> f64 {
+        let [a, b, c, d] = sort(folds);
+        let magnitude = a.abs() + b.abs() + c.abs() + d.abs();
+        let gini = (3.0 * (d - a) + (c - b)) / (FOLDS as f64 * magnitude);
+        if gini < 0.5 { last } else { 0.5 * (b + c) }
     }
 }
 
-impl Transform for Gmon {
-    fn requires(&self) -> Requirements {
-        OF_FOLDS
-    }
-
-    fn fit(&self, _: &mut dyn Strips) -> Result<Box<dyn Fitted + '_>, Error> {
-        Ok(Box::new(self))
-    }
-}
+of_folds!(Gmon);
 
 #[cfg(test)]
 mod tests {

@@ -1,7 +1,7 @@
 //! The median of means (Nemirovsky and Yudin 1983).
 
-use super::folds::{OF_FOLDS, map_folds, sort};
-use crate::{Error, Estimates, Fitted, Requirements, SequenceBatch, Strips, Transform};
+use super::folds::{OfFolds, of_folds, sort};
+use crate::FOLDS;
 
 /// T = the median of the four fold means: the mean of the middle two.
 ///
@@ -11,24 +11,14 @@ use crate::{Error, Estimates, Fitted, Requirements, SequenceBatch, Strips, Trans
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MedianOfMeans;
 
-impl Fitted for MedianOfMeans {
-    fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
-        map_folds(strip, out, |_, folds| {
-            let [_, second, third, _] = sort(folds);
-            0.5 * (second + third)
-        })
+impl OfFolds for MedianOfMeans {
+    fn estimate(_: f64, folds: [f64; FOLDS]) -> f64 {
+        let [_, second, third, _] = sort(folds);
+        0.5 * (second + third)
     }
 }
 
-impl Transform for MedianOfMeans {
-    fn requires(&self) -> Requirements {
-        OF_FOLDS
-    }
-
-    fn fit(&self, _: &mut dyn Strips) -> Result<Box<dyn Fitted + '_>, Error> {
-        Ok(Box::new(self))
-    }
-}
+of_folds!(MedianOfMeans);
 
 #[cfg(test)]
 mod tests {

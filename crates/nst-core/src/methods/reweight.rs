@@ -1,8 +1,8 @@
 //! Outlier re-weighting, after Zirr, Hanika, Dachsbacher: *Re-Weighting Firefly
 //! Samples for Improved Finite-Sample Monte Carlo Estimates* (CGF 37(6), 2018).
 
-use super::folds::{OF_FOLDS, map_folds, sort_by};
-use crate::{Error, Estimates, FOLDS, Fitted, Requirements, SequenceBatch, Strips, Transform};
+use super::folds::{OfFolds, of_folds, sort_by};
+use crate::FOLDS;
 
 /// κ: how many times brighter than the mean of the darker ones a fold mean may be before it
 /// counts less. Our choice; the paper leaves κ to the user.
@@ -24,31 +24,21 @@ const KAPPA: f64 = 4.0;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Reweight;
 
-impl Fitted for Reweight {
-    fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
-        map_folds(strip, out, |last, folds| {
-            let sorted = sort_by(folds, f64::abs);
-            let (mut darker, mut excess) = (sorted[0].abs(), 0.0);
-            for (i, &x) in sorted.iter().enumerate().skip(1) {
-                // For x_i = 0 the weight does not matter; `min` then drops 0/0.
-                let weight = (KAPPA * darker / i as f64 / x.abs()).min(1.0);
-                darker += weight * x.abs();
-                excess += (1.0 - weight) * x;
-            }
-            last - excess / FOLDS as f64
-        })
+impl OfFolds for Reweight {
+    fn estimate(last: f64, folds: [f64; FOLDS]) -> f64 {
+        let sorted = sort_by(folds, f64::abs);
+        let (mut darker, mut excess) = (sorted[0].abs(), 0.0);
+        for (i, &x) in sorted.iter().enumerate().skip(1) {
+            // For x_i = 0 the weight does not matter; `min` then drops 0/0.
+            let weight = (KAPPA * darker / i as f64 / x.abs()).min(1.0);
+            darker += weight * x.abs();
+            excess += (1.0 - weight) * x;
+        }
+        last - excess / FOLDS as f64
     }
 }
 
-impl Transform for Reweight {
-    fn requires(&self) -> Requirements {
-        OF_FOLDS
-    }
-
-    fn fit(&self, _: &mut dyn Strips) -> Result<Box<dyn Fitted + '_>, Error> {
-        Ok(Box::new(self))
-    }
-}
+of_folds!(Reweight);
 
 #[cfg(test)]
 mod tests {
