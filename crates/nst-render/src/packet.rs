@@ -37,7 +37,7 @@ impl Vec3s {
     /// The vectors from `first` on, as many as `F` has places for.
     #[inline(always)]
     pub(crate) fn load<F: Floats>(&self, proof: F::Proof, first: usize) -> Vec3x<F> {
-        let [x, y, z] = [&self.x, &self.y, &self.z].map(|values| F::load(proof, &values[first..]));
-        Vec3x::new(x, y, z)
+        let [x, y, z] = [&self.x[first..], &self.y[first..], &self.z[first..]];
+        Vec3x::new(F::load(proof, x), F::load(proof, y), F::load(proof, z))
     }
 }

@@ -125,7 +125,11 @@ impl Face {
         let normal = Vec3x::splat(proof, self.normal);
         let inverse = F::splat(proof, 1.0) / normal.dot(direction);
         let r = to_a.cross(direction);
-        let [b, c, d] = self.edges.map(|edge| r.dot(Vec3x::splat(proof, edge)) * inverse);
+        // Not `map`: see `Vec3x::splat`.
+        let [b, c, d] = self.edges;
+        let b = r.dot(Vec3x::splat(proof, b)) * inverse;
+        let c = r.dot(Vec3x::splat(proof, c)) * inverse;
+        let d = r.dot(Vec3x::splat(proof, d)) * inverse;
         // The diagonal from a to c divides the plane.
         let first = F::splat(proof, 0.0).at_most(c);
         let ratio = F::splat(proof, self.ratio);

@@ -192,14 +192,10 @@ impl Block {
         i: usize,
     ) -> bool {
         let proof = vectors.eight();
-        let load = |values: &[[f32; WIDTH]; 3]| {
-            let [x, y, z] = [&values[0], &values[1], &values[2]].map(|v| V::Eight::load(proof, v));
-            Vec3x::new(x, y, z)
-        };
         let (zero, one) = (V::Eight::splat(proof, 0.0), V::Eight::splat(proof, 1.0));
         let direction = Vec3x::splat(proof, ray.direction);
-        let (e1, e2) = (load(&self.edges[0]), load(&self.edges[1]));
-        let s = Vec3x::splat(proof, ray.origin) - load(&self.corner);
+        let (e1, e2) = (load(proof, &self.edges[0]), load(proof, &self.edges[1]));
+        let s = Vec3x::splat(proof, ray.origin) - load(proof, &self.corner);
         let p = direction.cross(e2);
         let q = s.cross(e1);
         let inverse = one / e1.dot(p);
@@ -369,4 +365,10 @@ impl Slabs {
             slack: SLACK,
         })
     }
+}
+
+/// Eight vectors, coordinate by coordinate.
+#[inline(always)]
+fn load<F: Floats>(proof: F::Proof, [x, y, z]: &[[f32; WIDTH]; 3]) -> Vec3x<F> {
+    Vec3x::new(F::load(proof, x), F::load(proof, y), F::load(proof, z))
 }

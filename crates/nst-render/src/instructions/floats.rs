@@ -51,7 +51,9 @@ impl<F: Floats> Vec3x<F> {
 
     #[inline(always)]
     pub(crate) fn splat(proof: F::Proof, vector: glam::Vec3) -> Self {
-        Self(vector.to_array().map(|x| F::splat(proof, x)))
+        // Not `map`: its closure is not always inlined, and then has no vector instructions.
+        let [x, y, z] = vector.to_array();
+        Self([F::splat(proof, x), F::splat(proof, y), F::splat(proof, z)])
     }
 
     #[inline(always)]
