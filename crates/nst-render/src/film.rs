@@ -166,6 +166,12 @@ pub(crate) struct TileFilm<'a> {
 }
 
 impl TileFilm<'_> {
+    /// Writes to the memory of an empty film's sums. To read them first, as adding does, costs
+    /// twice as many page faults.
+    pub(crate) fn clear(&mut self) {
+        self.sums.iter_mut().for_each(|lanes| lanes.fill(LaneSums::default()));
+    }
+
     /// Adds a sample to its pixel, in a pass that ends with S_`end`. Sums are in f64: the
     /// differences between late terms are far below their size. A sample that is not finite
     /// counts as black, as it would spoil the sums of all others.

@@ -126,6 +126,9 @@ impl<'a> Frame<'a> {
                 let thread = rayon::current_thread_index().unwrap_or_default();
                 let workspace = workspaces[thread].lock();
                 let mut workspace = workspace.unwrap_or_else(PoisonError::into_inner);
+                if pass.start == 0 {
+                    film.clear();
+                }
                 self.trace(&mut workspace, tile, pass.clone(), |pixel, index, rgb| {
                     film.add(pixel, index, rgb, pass.end);
                 });
