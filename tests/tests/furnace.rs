@@ -40,7 +40,7 @@ fn cube(diffuse: Vec3A, emission: Vec3A, environment: Vec3A, position: Vec3A) ->
         max_depth: 8,
         russian_roulette: true,
         pixel_filter: Default::default(),
-        environment: Environment { radiance: environment, image: None },
+        environment: Environment { radiance: environment, ..Default::default() },
         notes: vec![],
         inputs: vec![],
     }
@@ -124,7 +124,7 @@ fn glass_in_a_uniform_environment() {
     scene.camera.target = (low + high) / 2.0;
     scene.camera.vertical_fov = 8.0;
     scene.size = [16, 16];
-    scene.environment = Environment { radiance: Vec3A::splat(2.0), image: None };
+    scene.environment = Environment { radiance: Vec3A::splat(2.0), ..Default::default() };
     // Facets hold some rays for long.
     scene.russian_roulette = false;
     scene.max_depth = 100;

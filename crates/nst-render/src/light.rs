@@ -283,7 +283,8 @@ mod tests {
     #[test]
     fn samples_have_the_densities_of_their_triangles() {
         let sky = Texture::new([2, 1], vec![[1.0; 3], [2.0; 3]]).expect("two texels");
-        let sky = Environment { radiance: Vec3A::ONE, image: Some(Arc::new(sky)) };
+        let sky =
+            Environment { radiance: Vec3A::ONE, image: Some(Arc::new(sky)), background: None };
         for (environment, has_sky) in [(Environment::default(), false), (sky, true)] {
             let scene = many_lamps(environment);
             let lights = Lights::new(&scene);

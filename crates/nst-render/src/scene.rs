@@ -51,6 +51,8 @@ pub struct Environment {
     pub radiance: Vec3A,
     /// Latitude-longitude image: u turns about the y axis, v = 1 is up.
     pub image: Option<Arc<Texture>>,
+    /// What the camera sees where nothing is, instead of the environment; it lights nothing.
+    pub background: Option<Vec3A>,
 }
 
 /// A scene, ready to be rendered.

@@ -81,7 +81,7 @@ mod tests {
         for (name, expected, notes) in cases {
             let mut report = Report::default();
             assert_eq!(find(&mtl, name, &mut report), folder.path().join(expected));
-            assert_eq!(report.notes.len(), notes, "{name}: {:?}", report.notes);
+            assert_eq!(report.notes().len(), notes, "{name}: {:?}", report.notes());
             assert_eq!(is_found(&mtl, name), name != "gone/a.png", "{name}");
         }
     }

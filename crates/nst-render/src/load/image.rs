@@ -206,13 +206,13 @@ mod tests {
         let (mut images, mut report) = (Images::default(), Report::default());
         let radiance = images.radiance(&path, &mut report).expect("a texture");
         assert_eq!(radiance.texels(), [[2.5, 0.0, 0.0], [2.5, 0.0, 1.0]]);
-        assert!(report.notes[0].ends_with("x.exr', set to 0: 2"), "{:?}", report.notes);
+        assert!(report.notes()[0].ends_with("x.exr', set to 0: 2"), "{:?}", report.notes());
         let reflectance = images.reflectance(&path, &mut report).expect("a texture");
         assert_eq!(reflectance.texels(), [[1.0, 0.0, 0.0], [1.0, 0.0, 1.0]]);
         let again = images.reflectance(&path, &mut report).expect("a texture");
         assert!(Arc::ptr_eq(&reflectance, &again));
         assert!(Arc::ptr_eq(&radiance, &images.radiance(&path, &mut report).expect("a texture")));
-        assert_eq!((report.notes.len(), report.inputs), (2, vec![path]));
+        assert_eq!((report.notes().len(), report.inputs), (2, vec![path]));
     }
 
     #[test]

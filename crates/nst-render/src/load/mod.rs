@@ -33,7 +33,22 @@ const DEFAULT_FOV: f32 = 40.0;
 /// sin(`DEFAULT_FOV` / 2), as f32. A constant, as machines differ in their sines.
 const SIN_HALF_FOV: f32 = 0.342_020_12;
 
+/// How to read a scene.
+#[derive(Clone, Debug, Default)]
+pub struct LoadOptions {
+    /// Refuses what would otherwise be forgiven with a note.
+    pub strict: bool,
+}
+
 impl Scene {
+    /// Reads a scene with the default options.
+    ///
+    /// # Errors
+    /// As [`Self::load_with`].
+    pub fn load(path: &Path) -> Result<Self, Error> {
+        Self::load_with(path, &LoadOptions::default())
+    }
+
     /// Reads an OBJ file, the MTL files and images that it names, and the sidecar
     /// (`x.toml` beside `x.obj`) if there is one. What the files leave open gets
     /// a default, which [`Scene::notes`] names.
@@ -41,8 +56,8 @@ impl Scene {
     /// # Errors
     /// [`Error::Io`], [`Error::Scene`] or [`Error::Image`] names the file, where
     /// in it, and what is wrong.
-    pub fn load(path: &Path) -> Result<Self, Error> {
-        let mut report = Report::default();
+    pub fn load_with(path: &Path, options: &LoadOptions) -> Result<Self, Error> {
+        let mut report = Report::new(options.strict);
         let mut images = Images::default();
         let (mut triangles, mut materials) = obj::load(path, &mut images, &mut report)?;
         let unit = Unit::of(&triangles);
@@ -67,7 +82,7 @@ impl Scene {
                 return Environment::default();
             }
             report.note("nothing emits light: a uniform white environment does");
-            Environment { radiance: Vec3A::ONE, image: None }
+            Environment { radiance: Vec3A::ONE, ..Default::default() }
         });
         Ok(Self {
             name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
@@ -79,7 +94,7 @@ impl Scene {
             russian_roulette: sidecar.russian_roulette.unwrap_or(true),
             pixel_filter: Default::default(),
             environment,
-            notes: report.notes,
+            notes: report.notes(),
             inputs: report.inputs,
         })
     }

@@ -253,13 +253,16 @@ impl Place<'_> {
         if !is_within(radiance, &RADIANCE) {
             return Err(self.error(&["environment", "radiance"], "must be within 0 and 1e15"));
         }
-        let Some(name) = table.image else { return Ok(Environment { radiance, image: None }) };
+        let Some(name) = table.image else {
+            return Ok(Environment { radiance, ..Default::default() });
+        };
         let file = find(self.path, &name, report);
         std::fs::metadata(&file).map_err(|error| {
             let message = format!("cannot be read: '{}': {error}", file.display());
             self.error(&["environment", "image"], &message)
         })?;
-        Ok(Environment { radiance, image: Some(images.radiance(&file, report)?) })
+        let image = Some(images.radiance(&file, report)?);
+        Ok(Environment { radiance, image, ..Default::default() })
     }
 
     fn override_material(

@@ -159,7 +159,7 @@ mod tests {
         let text = |bytes: &[u8]| {
             std::fs::write(&path, bytes).expect("a file");
             let mut report = Report::default();
-            read(&path, &mut report).map(|text| (text, report.notes.len()))
+            read(&path, &mut report).map(|text| (text, report.notes().len()))
         };
         let plain = text(b"\xef\xbb\xbfv 1\r\nv 2\rv 3\n").expect("text");
         assert_eq!(plain, ("v 1\nv 2\nv 3\n".to_owned(), 0));

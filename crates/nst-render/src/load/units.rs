@@ -94,7 +94,7 @@ mod tests {
             assert!((1.0..2.0).contains(&largest), "{size} became {largest}");
             let back = f64::from(largest) * 2.0_f64.powi(-unit.exponent);
             assert_eq!(back as f32, size);
-            assert!(report.notes[0].contains("scaled"));
+            assert!(report.notes()[0].contains("scaled"));
         }
         assert_eq!(Unit::of(&[triangle(0.0)]).exponent, 0);
     }

@@ -14,11 +14,15 @@ use crate::{
 
 impl PathTracer<'_> {
     /// What path `i` of the packet adds to its pixel where it has arrived: the radiance of
-    /// a light or of the environment, times weight and throughput; or zero.
+    /// a light or of the environment, times weight and throughput; or zero. `from_camera`:
+    /// whether this is the first vertex.
     #[inline(always)]
-    pub(super) fn emitted(&self, paths: &Paths, hits: &Hits, i: usize) -> Vec3A {
+    pub(super) fn emitted(&self, paths: &Paths, hits: &Hits, i: usize, from_camera: bool) -> Vec3A {
         let direction = Vec3A::from(paths.rays.direction.get(i));
         let (radiance, pdf_light) = if hits.triangle[i] == NONE {
+            if let Some(background) = self.scene.environment.background.filter(|_| from_camera) {
+                return background;
+            }
             (self.scene.environment.radiance(direction), self.lights.pdf_escape(direction))
         } else {
             let index = hits.triangle[i] as usize;

@@ -92,7 +92,8 @@ impl Kernel for Trace<'_> {
                 let mut hits = Hits::MISSED;
                 tracer.accelerator.nearest(vectors, &paths.rays, stacks, &mut hits);
                 for i in (0..PACKET).filter(|&i| paths.rays.tmax[i] >= 0.0) {
-                    radiance[paths.path[i] as usize] += tracer.emitted(paths, &hits, i);
+                    let emitted = tracer.emitted(paths, &hits, i, vertex == 1);
+                    radiance[paths.path[i] as usize] += emitted;
                     if hits.triangle[i] != NONE && !is_last {
                         tracer.arrive(paths, &hits, i, queues);
                     }

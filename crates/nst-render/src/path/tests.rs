@@ -117,7 +117,8 @@ fn they_agree_under_an_image_of_the_sky() {
     let texel = |i: usize| if i == 90 { [30.0, 20.0, 10.0] } else { [0.2, 0.3, 0.4] };
     let sky = Texture::new([16, 8], (0..128).map(texel).collect()).expect("128 texels");
     let mut scene = scene("teapot-glossy");
-    scene.environment = Environment { radiance: Vec3A::ONE, image: Some(Arc::new(sky)) };
+    scene.environment =
+        Environment { radiance: Vec3A::ONE, image: Some(Arc::new(sky)), background: None };
     assert_strategies_agree("sky and lamp", &scene);
     for material in &mut scene.materials {
         material.emission = Vec3A::ZERO;

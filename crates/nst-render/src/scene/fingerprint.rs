@@ -34,6 +34,9 @@ impl Scene {
         fields.numbers("environment.radiance", self.environment.radiance.to_array());
         let image = self.environment.image.as_deref();
         fields.bytes("environment.image", image.map_or(&[], |image| image.digest()));
+        if let Some(background) = self.environment.background {
+            fields.numbers("environment.background", background.to_array());
+        }
         fields.numbers("camera.position", self.camera.position.to_array());
         fields.numbers("camera.target", self.camera.target.to_array());
         fields.numbers("camera.up", self.camera.up.to_array());

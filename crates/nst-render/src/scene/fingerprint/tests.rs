@@ -60,7 +60,7 @@ fn tiny() -> Scene {
         max_depth: 8,
         russian_roulette: true,
         pixel_filter: PixelFilter::Box,
-        environment: Environment { radiance: Vec3A::ONE, image: texture(2.0) },
+        environment: Environment { radiance: Vec3A::ONE, image: texture(2.0), background: None },
         notes: vec![],
         inputs: vec![],
     }
