@@ -128,9 +128,9 @@ fn textured(texture: Option<&Texture>, triangle: &Triangle, barycentric: Vec2) -
 }
 
 /// The corners of the axis-aligned bounding box of some triangles.
-pub(crate) fn bounds(triangles: &[Triangle]) -> (Vec3A, Vec3A) {
+pub(crate) fn bounds<'a>(triangles: impl IntoIterator<Item = &'a Triangle>) -> (Vec3A, Vec3A) {
     triangles
-        .iter()
+        .into_iter()
         .flat_map(|triangle| triangle.positions)
         .fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), position| {
             (low.min(position), high.max(position))

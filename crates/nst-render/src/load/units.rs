@@ -7,7 +7,7 @@
 
 use std::ops::RangeInclusive;
 
-use glam::Vec3A;
+use glam::{DVec3, Vec3A};
 
 use super::{
     exact::{exponent, power_of_two},
@@ -54,15 +54,17 @@ impl Unit {
         report.note(format!("lengths scaled by 2^{}, so that areas fit f32", self.exponent));
     }
 
-    /// Scales a camera that came with the triangles, which are scaled already;
-    /// `None` if f32 cannot tell where it is or looks.
-    pub(super) fn scale_camera(self, camera: Camera, triangles: &[Triangle]) -> Option<Camera> {
-        let (position, target) = (self.scaled(camera.position), self.scaled(camera.target));
+    /// Where a point of the file is in the scene.
+    pub(super) fn point(self, p: DVec3) -> DVec3 {
+        p * power_of_two(self.exponent)
+    }
+
+    /// Whether f32 can tell where a camera is and looks, among triangles that are scaled.
+    pub(super) fn is_distinct(camera: &Camera, triangles: &[Triangle]) -> bool {
         let largest = largest_coordinate(triangles);
-        let reach = position.abs().max(target.abs()).max_element();
-        let distance = position.as_dvec3().distance(target.as_dvec3());
-        let possible = reach <= FAR * largest && distance >= f64::from(NEAR * largest);
-        possible.then_some(Camera { position, target, ..camera })
+        let reach = camera.position.abs().max(camera.target.abs()).max_element();
+        let distance = camera.position.as_dvec3().distance(camera.target.as_dvec3());
+        reach <= FAR * largest && distance >= f64::from(NEAR * largest)
     }
 }
 
@@ -110,10 +112,11 @@ mod tests {
         let mut triangles = [triangle(4e20)];
         let unit = Unit::of(&triangles);
         unit.scale(&mut triangles, &mut Report::default());
-        let scaled = unit.scale_camera(camera(8e20, 0.0), &triangles).expect("a good camera");
-        let ratio = scaled.position.z / triangles[0].positions[1].x;
+        let position = unit.point(DVec3::Z * 8e20).as_vec3a();
+        let ratio = position.z / triangles[0].positions[1].x;
         assert!((ratio - 2.0).abs() < 1e-6);
-        assert!(unit.scale_camera(camera(3e38, 0.0), &triangles).is_none());
-        assert!(unit.scale_camera(camera(1.0, 0.0), &triangles).is_none());
+        assert!(Unit::is_distinct(&camera(position.z, 0.0), &triangles));
+        assert!(!Unit::is_distinct(&camera(3e17, 0.0), &triangles));
+        assert!(!Unit::is_distinct(&camera(1e-18, 0.0), &triangles));
     }
 }
