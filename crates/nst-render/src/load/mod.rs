@@ -72,7 +72,7 @@ impl Scene {
         let sidecar_path = path.with_extension("toml");
         let sidecar = Sidecar::read(&sidecar_path, &mut materials, &mut images, &mut report)?;
         let size = options.size.or(sidecar.size).unwrap_or(DEFAULT_SIZE);
-        let aspect = size[0] as f32 / size[1] as f32;
+        let aspect = f64::from(size[0]) / f64::from(size[1]);
         let view = options.view.or(sidecar.view);
         if view.position.is_none() {
             report.note("no camera is given: it frames the scene from the front, +z");
@@ -80,7 +80,7 @@ impl Scene {
                 report.note(format!("{note} (--camera-position, --camera-target)"));
             }
         }
-        let camera = view.camera(&triangles, unit, aspect.into()).map_err(|(part, message)| {
+        let camera = view.camera(&triangles, unit, aspect).map_err(|(part, message)| {
             if options.view.has(part) {
                 Error::Settings(format!("the camera's {part} {message}"))
             } else {

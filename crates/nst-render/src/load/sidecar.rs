@@ -251,9 +251,10 @@ impl Place<'_> {
             let message = "replaces the environment: leave out radiance and image, or light";
             return Err(self.error(&["environment", "light"], message));
         }
-        light.parse().map(Some).map_err(|message: String| {
-            self.error(&["environment", "light"], &format!(": {message}"))
-        })
+        light
+            .parse()
+            .map(Some)
+            .map_err(|message: String| self.error(&["environment", "light"], &message))
     }
 
     fn environment(

@@ -8,13 +8,13 @@
 //! bodies.
 
 use std::{
-    f32::consts::{PI, SQRT_2},
+    f64::consts::{PI, SQRT_2},
     fmt,
     str::FromStr,
     sync::Arc,
 };
 
-use glam::{Vec2, Vec3A};
+use glam::{DVec2, DVec3, Vec3A};
 
 use crate::{Camera, Environment, Material, Scattering, Texture, Triangle, scene::bounds};
 
@@ -37,7 +37,7 @@ impl Lighting {
     /// What it is, for a summary.
     pub(super) fn description(self) -> &'static str {
         match self {
-            Self::Studio => "a studio",
+            Self::Studio => "a studio (two lamps, of two triangles each)",
             Self::Sky => "a clear sky with a sun",
             Self::White => "a white environment",
             Self::None => "no light",
@@ -74,7 +74,7 @@ pub(super) struct Stage<'a> {
     pub(super) materials: &'a mut Vec<Material>,
     pub(super) camera: &'a Camera,
     /// The width of the picture divided by its height.
-    pub(super) aspect: f32,
+    pub(super) aspect: f64,
 }
 
 impl Stage<'_> {
@@ -83,8 +83,9 @@ impl Stage<'_> {
         match lighting {
             Lighting::Studio => {
                 let (low, high) = bounds(self.triangles.iter());
-                let radius = (high * 0.5 - low * 0.5).length();
-                LAMPS.iter().for_each(|lamp| self.add(lamp, low * 0.5 + high * 0.5, radius));
+                let (low, high) = (low.as_dvec3(), high.as_dvec3());
+                let (middle, radius) = ((low + high) / 2.0, (high - low).length() / 2.0);
+                LAMPS.iter().for_each(|lamp| self.add(lamp, middle, radius));
                 studio()
             }
             Lighting::Sky => sky(),
@@ -95,43 +96,46 @@ impl Stage<'_> {
 
     /// A square lamp that faces the middle of the scene. If the picture would show it, it
     /// is further away, and brighter. Lengths are in units of the radius of the scene's
-    /// bounding sphere.
-    fn add(&mut self, lamp: &Lamp, middle: Vec3A, radius: f32) {
-        let back = (self.camera.position - self.camera.target).normalize();
-        let right = self.camera.up.cross(back).normalize();
-        let up = back.cross(right);
-        let towards = Vec3A::from(lamp.towards).normalize();
-        let towards = right * towards.x + up * towards.y + back * towards.z;
-        let camera = (self.camera.position - middle) / radius;
+    /// bounding sphere. In f64, whose vectors give the same bits on every machine: the
+    /// lamps are part of the scene's fingerprint.
+    fn add(&mut self, lamp: &Lamp, middle: DVec3, radius: f64) {
+        let [position, target, up] =
+            [self.camera.position, self.camera.target, self.camera.up].map(|v| v.as_dvec3());
+        let back = (position - target).normalize();
+        let right = up.cross(back).normalize();
+        let towards = DVec3::from(lamp.towards).normalize();
+        let towards = right * towards.x + back.cross(right) * towards.y + back * towards.z;
         let mut distance = lamp.distance;
-        while distance < FURTHEST && self.shows(towards * distance - camera, lamp.size) {
+        let from_camera = |distance| towards * distance - (position - middle) / radius;
+        while distance < FURTHEST && self.shows(from_camera(distance), back, lamp.size) {
             distance *= 1.25;
         }
         let centre = middle + towards * (distance * radius);
         let (across, along) = towards.any_orthonormal_pair();
         let [a, b, c, d] = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
-            .map(|(x, y)| centre + (across * x + along * y) * (lamp.size * radius));
+            .map(|(x, y)| centre + (across * x + along * y) * (lamp.size * radius))
+            .map(|corner| corner.as_vec3a());
         let material = self.materials.len() as u32;
         let triangle = |positions| Triangle { positions, normals: None, uvs: None, material };
         self.triangles.extend([triangle([a, b, c]), triangle([a, c, d])]);
-        let solid_angle = (2.0 * lamp.size / distance).powi(2);
+        let side = 2.0 * lamp.size / distance;
         self.materials.push(Material {
             name: lamp.name.to_owned(),
             color: Vec3A::ZERO,
             color_texture: None,
-            emission: Vec3A::splat(lamp.light * PI / solid_angle),
+            emission: Vec3A::splat((lamp.light * PI / (side * side)) as f32),
             emission_texture: None,
             scattering: Scattering::Lambert,
         });
     }
 
-    /// Whether the picture may show a lamp; `centre` is its place, from the camera.
-    fn shows(&self, centre: Vec3A, size: f32) -> bool {
-        let forward = (self.camera.target - self.camera.position).normalize();
-        let tangent = (self.camera.vertical_fov.to_radians() / 2.0).tan();
-        let corner = Vec2::new(tangent * self.aspect, tangent).length();
-        let depth = centre.dot(forward);
-        let across = (centre - forward * depth).length();
+    /// Whether the picture may show a lamp; `centre` is its place, from the camera, and
+    /// `back` the direction from which the camera looks.
+    fn shows(&self, centre: DVec3, back: DVec3, size: f64) -> bool {
+        let tangent = (f64::from(self.camera.vertical_fov).to_radians() / 2.0).tan();
+        let corner = DVec2::new(tangent * self.aspect, tangent).length();
+        let depth = -centre.dot(back);
+        let across = (centre + back * depth).length();
         // From the centre to the corners of the lamp.
         let reach = size * SQRT_2;
         across - reach < (depth + reach) * corner
@@ -143,13 +147,13 @@ impl Stage<'_> {
 struct Lamp {
     name: &'static str,
     /// From the middle of the scene: along the camera's right, its up, and towards it.
-    towards: [f32; 3],
+    towards: [f64; 3],
     /// From the middle of the scene.
-    distance: f32,
+    distance: f64,
     /// Half the length of a side.
-    size: f32,
+    size: f64,
     /// Radiance that a white surface reflects which faces it in the middle of the scene.
-    light: f32,
+    light: f64,
 }
 
 const LAMPS: [Lamp; 2] = [
@@ -169,7 +173,7 @@ const LAMPS: [Lamp; 2] = [
     },
 ];
 /// A lamp that would be in the picture from here on, too, stays there.
-const FURTHEST: f32 = 100.0;
+const FURTHEST: f64 = 100.0;
 /// Radiance of the studio's sky from straight above and from straight below.
 const SKY: [f32; 2] = [0.18, 0.17];
 /// Radiance that the camera sees behind everything.
