@@ -16,7 +16,7 @@ const TAN_HALF_FOV: f64 = 0.363_970_234_266_202_4;
 /// From the scene to a camera that nobody has placed. Models in OBJ files have y up and
 /// face +z, as Blender and most other programs write and show them: the camera looks from
 /// there, a little from the right and from above.
-const TOWARDS_CAMERA: DVec3 = DVec3::new(0.6, 0.45, 1.0);
+const TOWARDS_CAMERA: DVec3 = DVec3::new(0.6, 0.5, 1.0);
 /// How much larger than the scene the picture is.
 const MARGIN: f64 = 1.06;
 /// Sine of the least angle between the view and the direction up: what is nearer
@@ -83,10 +83,14 @@ impl View {
         }
         let (low, high) = crate::scene::bounds(triangles);
         let middle = (low.as_dvec3() + high.as_dvec3()) / 2.0;
-        let target = target.map_or(middle, |target| unit.point(target));
-        let position = match position {
-            Some(position) => unit.point(position),
-            None => target + away(triangles, target, fov, aspect),
+        let given = target.map(|target| unit.point(target));
+        let (target, position) = match position {
+            Some(position) => (given.unwrap_or(middle), unit.point(position)),
+            None => {
+                let frame = Frame::new(triangles, given.unwrap_or(middle), fov, aspect);
+                let target = given.unwrap_or_else(|| frame.centre());
+                (target, frame.position(target))
+            }
         };
         let camera = Camera {
             position: position.as_vec3a(),
@@ -104,26 +108,89 @@ impl View {
     }
 }
 
-/// From `target` to where a camera sees all triangles, in the default direction.
-/// IEEE 754 fixes the results of all operations here.
-fn away(triangles: &[Triangle], target: DVec3, fov: f32, aspect: f64) -> DVec3 {
-    let tangent =
-        if fov == DEFAULT_FOV { TAN_HALF_FOV } else { (f64::from(fov).to_radians() / 2.0).tan() };
-    // Both, of a picture that is wider than high: it is as a square one, so that the
-    // width of the window does not change what a scene is.
-    let [tan_x, tan_y] = [tangent * aspect.min(1.0), tangent];
-    let dot = |a: DVec3, b: DVec3| a.x * b.x + a.y * b.y + a.z * b.z;
-    let back = TOWARDS_CAMERA / dot(TOWARDS_CAMERA, TOWARDS_CAMERA).sqrt();
+/// Triangles as cameras see them that stand in the default direction from a point. IEEE 754
+/// fixes the results of all operations here.
+struct Frame<'a> {
+    triangles: &'a [Triangle],
+    point: DVec3,
+    /// Of half the angles that the picture spans.
+    tangents: [f64; 2],
+}
+
+impl<'a> Frame<'a> {
+    fn new(triangles: &'a [Triangle], point: DVec3, fov: f32, aspect: f64) -> Self {
+        let tangent = if fov == DEFAULT_FOV {
+            TAN_HALF_FOV
+        } else {
+            (f64::from(fov).to_radians() / 2.0).tan()
+        };
+        // A picture that is wider than high is as a square one, so that its width does not
+        // change what a scene is.
+        Self { triangles, point, tangents: [tangent * aspect.min(1.0), tangent] }
+    }
+
+    /// The nearest position from which a camera that looks as from here to `target` sees
+    /// all corners.
+    fn position(&self, target: DVec3) -> DVec3 {
+        // Only the direction matters, from about where the camera will be.
+        let from = self.at(self.distance(axes(TOWARDS_CAMERA)));
+        self.at(self.distance(axes(from - target)))
+    }
+
+    /// What is in the middle of the picture if it is to show as much on all sides.
+    fn centre(&self) -> DVec3 {
+        let [right, above, back] = axes(TOWARDS_CAMERA);
+        let distance = self.distance([right, above, back]);
+        // Within the picture: rounding would put a corner just before the camera anywhere.
+        let [tan_x, tan_y] = self.tangents;
+        let seen = self.corners().map(|p| {
+            let depth = distance - dot(p, back);
+            let [x, y] = [dot(p, right) / depth, dot(p, above) / depth];
+            [x.clamp(-tan_x, tan_x), y.clamp(-tan_y, tan_y)]
+        });
+        let none = [f64::INFINITY, f64::NEG_INFINITY];
+        let spans = seen.fold([none; 2], |spans, point| {
+            std::array::from_fn(|i| [spans[i][0].min(point[i]), spans[i][1].max(point[i])])
+        });
+        // At most halfway to an edge: so the point itself stays well within the picture.
+        let middle = |[low, high]: [f64; 2], tan: f64| {
+            ((low + high) / 2.0).clamp(-tan / 2.0, tan / 2.0) * distance
+        };
+        self.point + right * middle(spans[0], tan_x) + above * middle(spans[1], tan_y)
+    }
+
+    fn at(&self, distance: f64) -> DVec3 {
+        self.point + axes(TOWARDS_CAMERA)[2] * distance
+    }
+
+    fn corners(&self) -> impl Iterator<Item = DVec3> {
+        let positions = self.triangles.iter().flat_map(|triangle| triangle.positions);
+        positions.map(|position| position.as_dvec3() - self.point)
+    }
+
+    /// How far from the point a camera with these axes sees all corners.
+    fn distance(&self, [right, above, back]: [DVec3; 3]) -> f64 {
+        let direction = axes(TOWARDS_CAMERA)[2];
+        let [x, y] = [right * MARGIN / self.tangents[0], above * MARGIN / self.tangents[1]];
+        // The planes through the camera and the edges of the picture: a corner is in the
+        // picture if it is behind all of them.
+        let planes = [back + x, back - x, back + y, back - y];
+        let distances =
+            planes.map(|plane| self.corners().map(move |p| dot(p, plane) / dot(direction, plane)));
+        distances.into_iter().flatten().fold(0.0, f64::max)
+    }
+}
+
+/// To the right, up, and back to a camera in a direction.
+fn axes(towards: DVec3) -> [DVec3; 3] {
+    let back = towards / dot(towards, towards).sqrt();
     let right = DVec3::new(back.z, 0.0, -back.x);
     let right = right / dot(right, right).sqrt();
-    let above = back.cross(right);
-    let mut distance = 0.0;
-    for position in triangles.iter().flat_map(|triangle| triangle.positions) {
-        let p = position.as_dvec3() - target;
-        let across = (dot(p, right).abs() / tan_x).max(dot(p, above).abs() / tan_y);
-        distance = f64::max(distance, dot(p, back) + across * MARGIN);
-    }
-    back * distance
+    [right, back.cross(right), back]
+}
+
+fn dot(a: DVec3, b: DVec3) -> f64 {
+    a.x * b.x + a.y * b.y + a.z * b.z
 }
 
 /// The direction up: what is given, or +y, or −z where the camera looks along y.
@@ -173,7 +240,7 @@ mod tests {
         let tangent = (f64::from(DEFAULT_FOV).to_radians() / 2.0).tan();
         assert!((TAN_HALF_FOV - tangent).abs() <= f64::EPSILON, "{tangent}");
         let camera = camera(View::default(), 1.0).expect("a camera");
-        assert_eq!(camera.position.to_array(), [3.251_776, 2.438_832, 5.419_626_7]);
+        assert_eq!(camera.position.to_array(), [2.767_795_6, 2.306_496_4, 4.612_993]);
     }
 
     /// The picture contains all corners, and one of them almost touches its edge.
@@ -193,13 +260,14 @@ mod tests {
                 x.abs().max(y.abs()) / p.dot(forward)
             });
             let largest = reach.fold(0.0, f32::max);
-            assert!((0.93..=1.0).contains(&largest), "{aspect} {fov}: {largest}");
+            assert!((0.88..=1.0).contains(&largest), "{aspect} {fov}: {largest}");
         }
     }
 
     #[test]
     fn cameras_are_completed() {
-        let middle = camera(View::default(), 1.0).expect("a camera").target;
+        // Of the bounding box.
+        let middle = Vec3A::ZERO;
         let view = View { position: Some([0.0, 0.0, 9.0]), ..View::default() };
         let from_there = camera(view, 1.0).expect("a camera");
         assert_eq!((from_there.position, from_there.target), (Vec3A::Z * 9.0, middle));
