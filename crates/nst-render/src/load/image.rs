@@ -144,6 +144,9 @@ fn opacity(texels: Vec<[f32; 3]>, alpha: Option<Vec<f32>>) -> Vec<[f32; 3]> {
     }
 }
 
+/// Whether a number is of a kind that no image should have.
+type IsFault = fn(f32) -> bool;
+
 /// Makes all texels finite numbers of the purpose's range.
 fn tidy(
     path: &Path,
@@ -164,7 +167,7 @@ fn tidy(
     let finite = texels.iter().flatten().filter(|x| x.is_finite());
     let largest = finite.fold(0.0_f32, |largest, x| largest.max(x.abs())).min(most);
     let largest = if largest > 0.0 { largest } else { LARGEST_HALF.min(most) };
-    let kinds: [(&str, fn(f32) -> bool); 3] = [
+    let kinds: [(&str, IsFault); 3] = [
         ("texels that are not a number, set to 0", f32::is_nan),
         ("infinite texels, set to the largest number of their image", f32::is_infinite),
         ("texels beyond 1e15, set to it", |x| x.is_finite() && x.abs() > *RADIANCE.end()),

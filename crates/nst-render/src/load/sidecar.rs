@@ -25,7 +25,7 @@ const TABLES: [Table; 5] = [
         keys: &["kind", "max_depth", "russian_roulette"],
         of_tables: false,
     },
-    Table { name: "environment", keys: &["radiance", "image"], of_tables: false },
+    Table { name: "environment", keys: &["radiance", "image", "rotation"], of_tables: false },
     Table {
         name: "materials",
         keys: &[
@@ -118,6 +118,7 @@ enum IntegratorKind {
 struct EnvironmentTable {
     radiance: Option<[f32; 3]>,
     image: Option<String>,
+    rotation: Option<f32>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -253,7 +254,14 @@ impl Place<'_> {
         if !is_within(radiance, &RADIANCE) {
             return Err(self.error(&["environment", "radiance"], "must be within 0 and 1e15"));
         }
+        let rotation = table.rotation.unwrap_or_default();
+        if !rotation.is_finite() {
+            return Err(self.error(&["environment", "rotation"], "must be finite"));
+        }
         let Some(name) = table.image else {
+            if table.rotation.is_some() {
+                report.note("rotation of the environment left out, as it has no image");
+            }
             return Ok(Environment { radiance, ..Default::default() });
         };
         let file = find(self.path, &name, report);
@@ -262,7 +270,9 @@ impl Place<'_> {
             self.error(&["environment", "image"], &message)
         })?;
         let image = Some(images.radiance(&file, report)?);
-        Ok(Environment { radiance, image, ..Default::default() })
+        // A full turn is none; the remainder is exact.
+        let rotation = rotation % 360.0;
+        Ok(Environment { radiance, image, rotation, ..Default::default() })
     }
 
     fn override_material(
