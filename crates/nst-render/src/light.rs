@@ -3,7 +3,7 @@
 
 mod choice;
 
-use std::f32::consts::PI;
+use std::f64::consts::PI;
 
 use glam::{Vec2, Vec3, Vec3A};
 
@@ -101,7 +101,7 @@ impl Lights {
     pub(crate) fn new(scene: &Scene) -> Self {
         let powers = powers(scene);
         let total = powers.iter().map(|&(_, power)| power).sum();
-        let environment = scene.environment.image.as_deref().map(EnvironmentSampler::new);
+        let environment = EnvironmentSampler::new(&scene.environment);
         let share =
             environment.as_ref().map_or(0.0, |sampler| environment_share(scene, sampler, total));
         let choice = Choice::new(share, powers.iter().map(|&(_, power)| power));
@@ -138,14 +138,12 @@ impl Lights {
         }
         if let Some(environment) = &self.environment {
             for i in (0..PACKET).filter(|&i| self.choice.is_environment(pick[i])) {
-                samples.pdf[i] = 0.0;
-                if let Some((wi, pdf)) = environment.sample(Vec2::new(u[0][i], u[1][i])) {
-                    samples.wi.set(i, wi.into());
-                    samples.rays.direction.set(i, wi.into());
-                    samples.rays.tmax[i] = f32::INFINITY;
-                    samples.radiance.set(i, scene.environment.radiance(wi).into());
-                    samples.pdf[i] = pdf * self.environment_share;
-                }
+                let wi = environment.sample(Vec2::new(u[0][i], u[1][i]));
+                samples.wi.set(i, wi.into());
+                samples.rays.direction.set(i, wi.into());
+                samples.rays.tmax[i] = f32::INFINITY;
+                samples.radiance.set(i, scene.environment.radiance(wi).into());
+                samples.pdf[i] = environment.pdf(wi) * self.environment_share;
             }
         }
     }
@@ -239,10 +237,10 @@ fn environment_share(scene: &Scene, environment: &EnvironmentSampler, total: f64
     }
     let (low, high) = scene.bounds();
     // Power into the bounding sphere, π r² · 4π L̄, beside 2π A L of two-sided lights.
-    let radiance = luminance(scene.environment.radiance) * environment.mean_luminance();
-    let power = PI * (high - low).length_squared() / 4.0 * 4.0 * PI * radiance;
-    let others = 2.0 * PI * total as f32;
-    (power / (power + others)).clamp(*ENVIRONMENT_SHARE.start(), *ENVIRONMENT_SHARE.end())
+    let area = PI * f64::from((high - low).length_squared()) / 4.0;
+    let power = area * 4.0 * PI * environment.mean_luminance();
+    let share = (power / (power + 2.0 * PI * total)) as f32;
+    share.clamp(*ENVIRONMENT_SHARE.start(), *ENVIRONMENT_SHARE.end())
 }
 
 #[cfg(test)]
@@ -284,7 +282,7 @@ mod tests {
     fn samples_have_the_densities_of_their_triangles() {
         let sky = Texture::new([2, 1], vec![[1.0; 3], [2.0; 3]]).expect("two texels");
         let sky =
-            Environment { radiance: Vec3A::ONE, image: Some(Arc::new(sky)), background: None };
+            Environment { radiance: Vec3A::ONE, image: Some(Arc::new(sky)), ..Default::default() };
         for (environment, has_sky) in [(Environment::default(), false), (sky, true)] {
             let scene = many_lamps(environment);
             let lights = Lights::new(&scene);

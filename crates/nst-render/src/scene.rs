@@ -49,8 +49,11 @@ impl Triangle {
 pub struct Environment {
     /// Radiance, linear RGB; multiplies the image if there is one.
     pub radiance: Vec3A,
-    /// Latitude-longitude image: u turns about the y axis, v = 1 is up.
+    /// Latitude-longitude image: u turns about the y axis, the first row is +y.
     pub image: Option<Arc<Texture>>,
+    /// Turns the image about +y, in degrees, counterclockwise as seen from above: from +z
+    /// towards +x. At 0, the image's left and right edge are −z, and its middle is +z.
+    pub rotation: f32,
     /// What the camera sees where nothing is, instead of the environment; it lights nothing.
     pub background: Option<Vec3A>,
 }

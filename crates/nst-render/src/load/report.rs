@@ -52,16 +52,42 @@ impl Report {
         if self.strict {
             return Err(error_at(path, line, fault()));
         }
+        self.count(kind, path, 1, || format!("line {line}: {}", fault()));
+        Ok(())
+    }
+
+    /// As [`Self::forgive`], for `count` texels of an image, which may be none. `fault` says
+    /// where the first of them is, and what it is.
+    ///
+    /// # Errors
+    /// The fault itself, where loading is strict.
+    pub(super) fn forgive_texels(
+        &mut self,
+        kind: &str,
+        path: &Path,
+        count: usize,
+        fault: impl FnOnce() -> String,
+    ) -> Result<(), Error> {
+        match count {
+            0 => Ok(()),
+            _ if self.strict => Err(Error::image(path, fault())),
+            _ => {
+                self.count(kind, path, count, fault);
+                Ok(())
+            }
+        }
+    }
+
+    fn count(&mut self, kind: &str, path: &Path, more: usize, fault: impl FnOnce() -> String) {
         let notes = &mut self.notes;
         let known = notes.iter_mut().find(|note| note.faults.is_some() && note.text == kind);
         if let Some(Note { faults: Some((count, _)), .. }) = known {
-            *count += 1;
+            *count += more;
         } else {
             let file = path.file_name().unwrap_or_default().display();
-            let first = format!("{file}, line {line}: {}", fault());
-            notes.push(Note { text: kind.to_owned(), faults: Some((1, first)) });
+            let first = format!("{file}, {}", fault());
+            notes.push(Note { text: kind.to_owned(), faults: Some((more, first)) });
         }
-        Ok(())
     }
 
     /// The bytes of a file, which becomes one of the inputs. All files of a scene
@@ -104,10 +130,15 @@ mod tests {
         report.note("a camera");
         let fault = || "no name".to_owned();
         report.forgive("names made up", path, 7, fault).expect("it is lenient");
+        for (name, count) in [("a.exr", 3), ("b.exr", 0), ("c.exr", 4)] {
+            let fault = || format!("row {count}: NaN");
+            report.forgive_texels("set to 0", Path::new(name), count, fault).expect("lenient");
+        }
         let expected = [
             "normals left out: 997 (the first: x.obj, line 3: normal 3 is NaN)",
             "a camera",
             "names made up (x.obj, line 7: no name)",
+            "set to 0: 7 (the first: a.exr, row 3: NaN)",
         ];
         assert_eq!(report.notes(), expected);
     }
@@ -119,6 +150,10 @@ mod tests {
         let error = report.forgive("normals left out", Path::new("x.obj"), 3, fault);
         let error = error.expect_err("it is strict").to_string();
         assert_eq!(error, "scene 'x.obj': line 3: normal 3 is NaN");
+        let fault = || "row 3: NaN".to_owned();
+        let error = report.forgive_texels("set to 0", Path::new("a.exr"), 2, fault);
+        assert_eq!(error.expect_err("it is strict").to_string(), "'a.exr': row 3: NaN");
+        report.forgive_texels("set to 0", Path::new("a.exr"), 0, String::new).expect("no fault");
         assert!(report.notes().is_empty());
     }
 }

@@ -26,7 +26,11 @@ const TABLES: [Table; 5] = [
         keys: &["kind", "max_depth", "russian_roulette"],
         of_tables: false,
     },
-    Table { name: "environment", keys: &["radiance", "image", "light"], of_tables: false },
+    Table {
+        name: "environment",
+        keys: &["radiance", "image", "rotation", "light"],
+        of_tables: false,
+    },
     Table {
         name: "materials",
         keys: &[
@@ -112,6 +116,7 @@ enum IntegratorKind {
 struct EnvironmentTable {
     radiance: Option<[f32; 3]>,
     image: Option<String>,
+    rotation: Option<f32>,
     light: Option<String>,
 }
 
@@ -247,8 +252,8 @@ impl Place<'_> {
 
     fn lighting(&self, table: &EnvironmentTable) -> Result<Option<Lighting>, Error> {
         let Some(light) = &table.light else { return Ok(None) };
-        if table.radiance.is_some() || table.image.is_some() {
-            let message = "replaces the environment: leave out radiance and image, or light";
+        if table.radiance.is_some() || table.image.is_some() || table.rotation.is_some() {
+            let message = "replaces the environment: leave it out, or the other keys";
             return Err(self.error(&["environment", "light"], message));
         }
         light
@@ -271,7 +276,14 @@ impl Place<'_> {
         if !is_within(radiance, &RADIANCE) {
             return Err(self.error(&["environment", "radiance"], "must be within 0 and 1e15"));
         }
+        let rotation = table.rotation.unwrap_or_default();
+        if !rotation.is_finite() {
+            return Err(self.error(&["environment", "rotation"], "must be finite"));
+        }
         let Some(name) = table.image else {
+            if table.rotation.is_some() {
+                report.note("rotation of the environment left out, as it has no image");
+            }
             return Ok(Environment { radiance, ..Default::default() });
         };
         let file = find(self.path, &name, report);
@@ -280,7 +292,9 @@ impl Place<'_> {
             self.error(&["environment", "image"], &message)
         })?;
         let image = Some(images.radiance(&file, report)?);
-        Ok(Environment { radiance, image, ..Default::default() })
+        // A full turn is none; the remainder is exact.
+        let rotation = rotation % 360.0;
+        Ok(Environment { radiance, image, rotation, ..Default::default() })
     }
 
     fn override_material(

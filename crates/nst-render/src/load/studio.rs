@@ -189,6 +189,7 @@ fn studio() -> Environment {
         radiance: Vec3A::ONE,
         image: Texture::new([1, ROWS], (0..ROWS).map(row).collect()).map(Arc::new),
         background: Some(Vec3A::splat(BACKGROUND)),
+        rotation: 0.0,
     }
 }
 
@@ -211,7 +212,7 @@ fn sky() -> Environment {
     Environment {
         radiance: Vec3A::ONE,
         image: Texture::new(SIZE, texels).map(Arc::new),
-        background: None,
+        ..Default::default()
     }
 }
 

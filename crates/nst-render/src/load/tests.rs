@@ -207,6 +207,20 @@ fn environments() {
     let both = load("[environment]\nimage = 'sky.exr'\nradiance = [1, 2, 3]");
     let both = both.expect("a good scene").environment;
     assert!(both.radiance == Vec3A::new(1.0, 2.0, 3.0) && both.image.is_some());
+    let turned = |degrees: &str| {
+        let scene = load(&format!("[environment]\nimage = 'sky.exr'\nrotation = {degrees}"));
+        scene.expect("a good scene")
+    };
+    let same = load("[environment]\nimage = 'sky.exr'").expect("a good scene").fingerprint();
+    assert_eq!([turned("0").fingerprint(), turned("-720").fingerprint()], [same.clone(), same]);
+    assert_eq!(turned("-270").environment.rotation, -270.0);
+    assert_eq!(turned("450.5").environment.rotation, 90.5);
+    let useless = load("[environment]\nradiance = [1, 1, 1]\nrotation = 90").expect("a good scene");
+    assert_eq!(useless.environment.rotation, 0.0);
+    let note = "rotation of the environment left out";
+    assert!(useless.notes.iter().any(|line| line.starts_with(note)), "{:?}", useless.notes);
+    let error = load("[environment]\nimage = 'sky.exr'\nrotation = nan").expect_err("NaN");
+    assert!(error.to_string().contains("line 3: [environment] rotation"), "{error}");
     let error = load("[environment]\nimage = 'gone.exr'").expect_err("no image").to_string();
     assert!(error.contains("line 2") && error.contains("gone.exr"), "{error}");
 }

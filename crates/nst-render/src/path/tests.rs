@@ -118,7 +118,7 @@ fn they_agree_under_an_image_of_the_sky() {
     let sky = Texture::new([16, 8], (0..128).map(texel).collect()).expect("128 texels");
     let mut scene = scene("teapot-glossy");
     scene.environment =
-        Environment { radiance: Vec3A::ONE, image: Some(Arc::new(sky)), background: None };
+        Environment { radiance: Vec3A::ONE, image: Some(Arc::new(sky)), ..Default::default() };
     assert_strategies_agree("sky and lamp", &scene);
     for material in &mut scene.materials {
         material.emission = Vec3A::ZERO;

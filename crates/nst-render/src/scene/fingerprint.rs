@@ -34,6 +34,9 @@ impl Scene {
         fields.numbers("environment.radiance", self.environment.radiance.to_array());
         let image = self.environment.image.as_deref();
         fields.bytes("environment.image", image.map_or(&[], |image| image.digest()));
+        if image.is_some() && self.environment.rotation != 0.0 {
+            fields.numbers("environment.rotation", [self.environment.rotation]);
+        }
         if let Some(background) = self.environment.background {
             fields.numbers("environment.background", background.to_array());
         }

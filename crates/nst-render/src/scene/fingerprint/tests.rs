@@ -60,7 +60,11 @@ fn tiny() -> Scene {
         max_depth: 8,
         russian_roulette: true,
         pixel_filter: PixelFilter::Box,
-        environment: Environment { radiance: Vec3A::ONE, image: texture(2.0), background: None },
+        environment: Environment {
+            radiance: Vec3A::ONE,
+            image: texture(2.0),
+            ..Default::default()
+        },
         notes: vec![],
         inputs: vec![],
     }
@@ -76,7 +80,7 @@ fn disney(scene: &mut Scene) -> &mut Disney {
 type Change = (&'static str, fn(&mut Scene));
 
 /// Everything that decides a pixel's integral.
-const CHANGES: [Change; 39] = [
+const CHANGES: [Change; 40] = [
     ("name", |s| s.name = "other".into()),
     ("position", |s| s.triangles[1].positions[2].z = 0.5),
     ("corners", |s| s.triangles[0].positions.swap(0, 1)),
@@ -109,6 +113,7 @@ const CHANGES: [Change; 39] = [
     ("radiance", |s| s.environment.radiance.y = 0.5),
     ("environment image", |s| s.environment.image = texture(3.0)),
     ("no environment image", |s| s.environment.image = None),
+    ("environment rotation", |s| s.environment.rotation = 90.0),
     ("camera", |s| s.camera.position.x = 1.0),
     ("target", |s| s.camera.target.x = 1.0),
     ("up", |s| s.camera.up.x = 1.0),
