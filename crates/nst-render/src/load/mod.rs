@@ -12,7 +12,6 @@ mod ranges;
 mod report;
 mod sidecar;
 mod text;
-mod tidy;
 mod units;
 
 use std::path::Path;
@@ -21,7 +20,10 @@ use glam::Vec3A;
 
 use crate::{Camera, Environment, Error, Scene, Triangle, scene::bounds};
 
-use self::{exact::length_squared, image::Images, report::Report, sidecar::Sidecar, units::Unit};
+use self::{
+    exact::length_squared, image::Images, obj::Loaded, report::Report, sidecar::Sidecar,
+    units::Placement,
+};
 
 /// A square picture that needs seconds, not minutes.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
@@ -59,18 +61,22 @@ impl Scene {
     pub fn load_with(path: &Path, options: &LoadOptions) -> Result<Self, Error> {
         let mut report = Report::new(options.strict);
         let mut images = Images::default();
-        let (mut triangles, mut materials) = obj::load(path, &mut images, &mut report)?;
-        let unit = Unit::of(&triangles);
-        unit.scale(&mut triangles, &mut report);
-        drop_degenerate(path, &mut triangles, &mut report)?;
+        let Loaded { triangles, vertex_colors, mut materials, placement } =
+            obj::load(path, &mut images, &mut report)?;
 
         let sidecar_path = path.with_extension("toml");
         let sidecar = Sidecar::read(&sidecar_path, &mut materials, &mut images, &mut report)?;
         let camera = match sidecar.camera {
-            Some(camera) => unit.scale_camera(camera, &triangles).ok_or_else(|| {
-                let message = "[camera] is too far from the scene, or too near its target, for f32";
-                Error::scene(&sidecar_path, message)
-            })?,
+            Some((position, target, camera)) => {
+                let [position, target] = [position, target].map(|p| placement.point(p).as_vec3a());
+                let camera = Camera { position, target, ..camera };
+                if !Placement::is_distinct(&camera, &triangles) {
+                    let message =
+                        "[camera] is too far from the scene, or too near its target, for f32";
+                    return Err(Error::scene(&sidecar_path, message));
+                }
+                camera
+            }
             None => {
                 report.note("no camera is given: it frames the bounding box");
                 framing_camera(&triangles)
@@ -87,6 +93,7 @@ impl Scene {
         Ok(Self {
             name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
             triangles,
+            vertex_colors,
             materials,
             camera,
             size: sidecar.size.unwrap_or(DEFAULT_SIZE),
@@ -98,24 +105,6 @@ impl Scene {
             inputs: report.inputs,
         })
     }
-}
-
-/// Leaves out the triangles that have no direction: f32 cannot even square their areas.
-fn drop_degenerate(
-    path: &Path,
-    triangles: &mut Vec<Triangle>,
-    report: &mut Report,
-) -> Result<(), Error> {
-    let all = triangles.len();
-    triangles.retain(|triangle| length_squared(triangle.area_vector()).is_normal());
-    if triangles.is_empty() {
-        let message = "all of its faces have zero area; there is nothing to render";
-        return Err(Error::scene(path, message));
-    }
-    if triangles.len() < all {
-        report.note(format!("triangles of zero area, left out: {}", all - triangles.len()));
-    }
-    Ok(())
 }
 
 /// Looks at the middle of the bounding box from the front, a little from the

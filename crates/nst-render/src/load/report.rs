@@ -28,6 +28,11 @@ impl Report {
         Self { strict, ..Self::default() }
     }
 
+    /// Whether faults are errors.
+    pub(super) fn is_strict(&self) -> bool {
+        self.strict
+    }
+
     /// Adds a note; the same one twice is of no use to anybody.
     pub(super) fn note(&mut self, text: impl Into<String>) {
         let text = text.into();

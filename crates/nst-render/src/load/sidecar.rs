@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, io::ErrorKind, ops::RangeInclusive, path::Path};
 
-use glam::Vec3A;
+use glam::{DVec3, Vec3A};
 use serde::Deserialize;
 
 use super::{
@@ -58,7 +58,8 @@ const UP_LENGTHS: RangeInclusive<f32> = 1e-6..=1e6;
 /// What the file says; what it leaves out is `None`, or the format's default.
 #[derive(Debug, Default)]
 pub(super) struct Sidecar {
-    pub(super) camera: Option<Camera>,
+    /// Position and target in the file's coordinates, and the camera, without them.
+    pub(super) camera: Option<(DVec3, DVec3, Camera)>,
     pub(super) size: Option<[u32; 2]>,
     pub(super) max_depth: Option<u32>,
     pub(super) russian_roulette: Option<bool>,
@@ -79,8 +80,8 @@ struct Tables {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CameraTable {
-    position: [f32; 3],
-    target: [f32; 3],
+    position: [f64; 3],
+    target: [f64; 3],
     #[serde(default = "y_axis")]
     up: [f32; 3],
     vertical_fov: f32,
@@ -210,7 +211,7 @@ impl Place<'_> {
         scene_error(self.path, &self.document.error(keys, message))
     }
 
-    fn camera(&self, table: CameraTable) -> Result<Camera, Error> {
+    fn camera(&self, table: CameraTable) -> Result<(DVec3, DVec3, Camera), Error> {
         table.check().map_err(|(key, message)| self.error(&["camera", key], message))
     }
 
@@ -285,14 +286,17 @@ impl Place<'_> {
 
 impl CameraTable {
     /// The camera, or the key that is wrong and what it must be.
-    fn check(self) -> Result<Camera, (&'static str, &'static str)> {
-        let [position, target, up] = [self.position, self.target, self.up].map(Vec3A::from);
-        for (key, vector) in [("position", position), ("target", target), ("up", up)] {
+    fn check(self) -> Result<(DVec3, DVec3, Camera), (&'static str, &'static str)> {
+        let [position, target] = [self.position, self.target].map(DVec3::from);
+        let up = Vec3A::from(self.up);
+        for (key, vector) in
+            [("position", position.as_vec3a()), ("target", target.as_vec3a()), ("up", up)]
+        {
             if !vector.is_finite() {
                 return Err((key, "must be finite"));
             }
         }
-        let forward = (target.as_dvec3() - position.as_dvec3()).normalize_or_zero();
+        let forward = (target - position).normalize_or_zero();
         if position == target {
             return Err(("target", "must differ from position"));
         }
@@ -304,7 +308,9 @@ impl CameraTable {
         }
         let squarable = UP_LENGTHS.contains(&length_squared(up).sqrt());
         let up = if squarable { up } else { up.as_dvec3().normalize().as_vec3a() };
-        Ok(Camera { position, target, up, vertical_fov: self.vertical_fov })
+        let vertical_fov = self.vertical_fov;
+        let camera = Camera { position: Vec3A::ZERO, target: Vec3A::ZERO, up, vertical_fov };
+        Ok((position, target, camera))
     }
 }
 
