@@ -9,19 +9,19 @@ use std::{
     time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 
-use nst_render::{Scene, Texture};
+use nst_render::{LoadOptions, Scene, Texture};
 use proptest::{
     prelude::*,
     sample::Index,
     test_runner::{RngSeed, TestRunner},
 };
 
-const OBJ: &str = "# a scene\nmtllib x.mtl\n\
+const OBJ: &str = "# a scene\nmtllib x.mtl # a library\nMTLLIB \"x.mtl\" gone.mtl\n\
     v 0 0 0\nv 3 0 0\nv 3 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0\nv 1.5 .5 -1e0 1.0\nv 2 2 2 .1 .2 .3\n\
-    vt 0 0\nvt 1 0\nvt .5 1\nvn 0 0 1\nvn 0 1 0\n\
-    o concave\nusemtl textured\nf 1/1/1 2/2/1 3/3/1 4/1/2 5/2/1 6/3/1\n\
-    g other\nusemtl a metal\nf -1 -2 -3\nf 1/1 2/2 7/3 \\\n 8/1\nusemtl light\nf 1//1 2//2 8//-1\n\
-    usemtl nowhere\nf 2 3 7\nf 1 1 1\nl 1 2 3\nf 6 7 8\n";
+    V 1 1 1 1 0.5 0 1\nv nan 0 0\nvt 0 0\nvt 1 0\nvt .5 1\nvt inf 0\nvn 0 0 1\nvn 0 1 0\nvn 1.#IND 0 0\n\
+    o concave\nusemtl textured # a comment\nf 1/1/1 2/2/1 3/3/1 4/1/2 5/2/1 6/3/1\n\
+    g other\nusemtl \"a metal\"\nf -3 -4 -5\nf 1/1 2/2 7/3 \\\n 8/1\nusemtl light\nf 1//1 2//2 8//-1\n\
+    usemtl nowhere\nfo 2 3 7\nf 1 1 1\nl 1 2 3\nusemtl\nf 6/0/9 7/1/3 8//0 and more\nunknown 1\n";
 
 const MTL: &str = "newmtl textured\nKd 0.5 0.5 0.5\nmap_Kd -s 1 1 1 a.png\nmap_d a.png\n\
     newmtl a metal\nKd 0 0 0\nKs .9 .8 .7\nNs 100\nillum 3\nmap_Kd b.jpg\n\
@@ -35,7 +35,7 @@ const TOML: &str = "[camera]\nposition = [1.0, 2.0, 9.0]\ntarget = [0, 0, 0]\nve
     [materials.paint]\ncolor = [0.1, 0.2, 0.3]\nroughness = 0.5\n[materials.glass]\nior = 1.4\n";
 
 /// Numbers and words that have broken readers before.
-const EXTREMES: [&str; 28] = [
+const EXTREMES: [&str; 36] = [
     "0",
     "-0",
     "1",
@@ -64,6 +64,14 @@ const EXTREMES: [&str; 28] = [
     "",
     "é",
     "[",
+    "0/0/0",
+    "1.#QNAN",
+    "5000000.25",
+    "255",
+    "\"",
+    "\u{1a}",
+    "\0",
+    "\u{a0}",
 ];
 
 const ENDS: [&[u8]; 4] = [b"\r\n", b"\r", b" \t\n", b"\\\n"];
@@ -80,6 +88,8 @@ enum Damage {
     Insert(Index, Vec<u8>),
     /// All line ends.
     Ends(usize),
+    /// Two bytes for each character, in either order.
+    Wide(bool),
 }
 
 fn damage() -> impl Strategy<Value = Damage> {
@@ -93,6 +103,7 @@ fn damage() -> impl Strategy<Value = Damage> {
         1 => index().prop_map(Damage::Truncate),
         1 => (index(), prop::collection::vec(any::<u8>(), 0..9)).prop_map(|(i, b)| Damage::Insert(i, b)),
         1 => (0..4_usize).prop_map(Damage::Ends),
+        1 => any::<bool>().prop_map(Damage::Wide),
     ]
 }
 
@@ -122,6 +133,8 @@ fn apply(damage: &Damage, mut bytes: Vec<u8>) -> Vec<u8> {
             return bytes;
         }
         Damage::Replace(i, extreme) => return replace_word(&bytes, *i, EXTREMES[*extreme]),
+        Damage::Wide(true) => return bytes.into_iter().flat_map(|byte| [byte, 0]).collect(),
+        Damage::Wide(false) => return bytes.into_iter().flat_map(|byte| [0, byte]).collect(),
         Damage::Ends(kind) => return lines.join(ENDS[*kind]),
         Damage::Drop(i) => drop(lines.remove(i.index(count))),
         Damage::Repeat(i, times) => {
@@ -193,6 +206,9 @@ fn check(scene: &Scene) -> Result<(), TestCaseError> {
         }
         prop_assert!((triangle.material as usize) < scene.materials.len());
     }
+    let colors = &scene.vertex_colors;
+    prop_assert!(colors.is_empty() || colors.len() == scene.triangles.len());
+    prop_assert!(colors.iter().flatten().flatten().all(|x| (0.0..=1.0).contains(x)));
     for material in &scene.materials {
         let [color, emission] = [material.color, material.emission];
         prop_assert!(color.is_finite() && color.min_element() >= 0.0 && color.max_element() <= 1.0);
@@ -235,13 +251,21 @@ fn fuzz(seed: u64, cases: u32, counts: &mut [u64; 2]) {
             files[*file].1 = apply(damage, bytes);
         }
         write(folder.path(), &files);
-        match Scene::load(&folder.path().join("x.obj")) {
+        let path = folder.path().join("x.obj");
+        let strict = Scene::load_with(&path, &LoadOptions { strict: true });
+        match Scene::load(&path) {
             Ok(scene) => {
                 counts.borrow_mut()[0] += 1;
+                // What is forgiven is refused, or else it is the same scene.
+                let is_same = |strict: Scene| {
+                    strict.fingerprint() == scene.fingerprint() && strict.notes == scene.notes
+                };
+                prop_assert!(strict.map_or(true, is_same));
                 check(&scene)
             }
             Err(error) => {
                 counts.borrow_mut()[1] += 1;
+                prop_assert!(strict.is_err(), "{error}");
                 let message = error.to_string();
                 prop_assert!(!message.is_empty() && message.len() < 2000, "{message}");
                 Ok(())

@@ -15,7 +15,7 @@ use super::{
     image::Images,
     mtl,
     report::Report,
-    text::{self, Text, error_at, quoted},
+    text::{self, Text, error_at, quoted, without_comment},
     units::Placement,
 };
 use crate::{Error, Material, Scattering, Triangle};
@@ -23,7 +23,7 @@ use crate::{Error, Material, Scattering, Triangle};
 use self::{
     colors::{Colors, GREY},
     faces::Triangles,
-    libraries::{Names, libraries, plain},
+    libraries::{COMMENT, Names, libraries, plain},
     reader::Contents,
 };
 
@@ -48,7 +48,7 @@ pub(super) fn load(path: &Path, images: &mut Images, report: &mut Report) -> Res
         materials.append(&mut mtl::load(&library, images, report)?);
     }
     let default = materials.len() as u32;
-    let (ids, unknown) = resolve(&contents.materials, &mut materials, default);
+    let (ids, unknown) = resolve(path, &contents.materials, &mut materials, report)?;
 
     let (low, high) = faces::bounds(path, &contents)?;
     let mut placement = Placement::around(low, high, report);
@@ -83,24 +83,30 @@ fn read(path: &Path, report: &mut Report) -> Result<Contents, Error> {
     Err(Error::scene(path, foreign::without_faces(path, &text, contents.positions.len())))
 }
 
-/// The scene's material for each name, `default` for those that there is none of; and the
-/// latter names. Materials whose names end in a comment lose it, unless a face names them so.
+/// The scene's material for each name (with its line), that behind the last for those that
+/// there is none of; and the latter names. Materials whose names end in a comment lose it,
+/// unless a face names them so.
 fn resolve<'a>(
-    names: &'a [String],
+    path: &Path,
+    names: &'a [(usize, String)],
     materials: &mut [Material],
-    default: u32,
-) -> (Vec<u32>, Vec<&'a str>) {
+    report: &mut Report,
+) -> Result<(Vec<u32>, Vec<&'a str>), Error> {
     let known = Names::new(materials);
     let mut unknown = Vec::new();
     let mut is_whole = vec![false; materials.len()];
     let mut ids = Vec::new();
-    for name in names {
-        if let Some((id, whole)) = known.get(name) {
+    for (line, name) in names {
+        let found = known.get(name);
+        if without_comment(name).len() < name.len() && !found.is_some_and(|(_, whole)| whole) {
+            report.forgive(COMMENT, path, *line, || quoted(name))?;
+        }
+        if let Some((id, whole)) = found {
             is_whole[id as usize] |= whole;
             ids.push(id);
         } else {
-            unknown.push(name.as_str());
-            ids.push(default);
+            unknown.push(plain(name));
+            ids.push(materials.len() as u32);
         }
     }
     for (material, _) in materials.iter_mut().zip(is_whole).filter(|(_, whole)| !whole) {
@@ -108,7 +114,7 @@ fn resolve<'a>(
             material.name = plain(&material.name).to_owned();
         }
     }
-    (ids, unknown)
+    Ok((ids, unknown))
 }
 
 /// The material of faces that need one: grey, or white for the colours of vertices.

@@ -2,19 +2,23 @@
 
 use std::{
     collections::HashMap,
+    io::ErrorKind,
     path::{Path, PathBuf},
 };
 
 use super::super::{
     files::{find, is_found},
     report::Report,
-    text::{without_comment, without_quotes},
+    text::{quoted, without_comment, without_quotes},
 };
 use crate::{Error, Material};
 
 /// Words of a statement that are put together to names with spaces; longer lists have
 /// names without spaces alone, as trying all takes the square of their number.
 const MOST_WORDS: usize = 32;
+
+/// The kind of fault of names with a comment.
+pub(super) const COMMENT: &str = "comments behind names, left out";
 
 /// The MTL files that `mtllib` statements (line and name) mean, each once, in the order of
 /// the file.
@@ -30,7 +34,10 @@ pub(super) fn libraries(
     for (line, name) in statements {
         for name in names(path, *line, name, report)? {
             let library = find(path, name, report);
-            if let Err(error) = std::fs::metadata(&library) {
+            let metadata = std::fs::metadata(&library).and_then(|metadata| {
+                if metadata.is_dir() { Err(ErrorKind::IsADirectory.into()) } else { Ok(metadata) }
+            });
+            if let Err(error) = metadata {
                 let kind = "MTL files that are not there, left out";
                 report.forgive(kind, path, *line, || {
                     format!("mtllib: cannot read '{}': {error}", library.display())
@@ -64,7 +71,7 @@ fn names<'a>(
         split(name, is_there)
     };
     if name.len() < stated.len() {
-        report.forgive("comments behind names, left out", path, line, || format!("'{stated}'"))?;
+        report.forgive(COMMENT, path, line, || quoted(stated))?;
     }
     Ok(names)
 }

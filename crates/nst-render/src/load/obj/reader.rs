@@ -46,8 +46,8 @@ pub(super) struct Contents {
     pub(super) corners: Vec<[u32; 3]>,
     /// A vertex that u32 has no number for.
     pub(super) beyond: Option<i64>,
-    /// The names of `usemtl` statements, each once.
-    pub(super) materials: Vec<String>,
+    /// The names of `usemtl` statements, each once, with the first line of each.
+    pub(super) materials: Vec<(usize, String)>,
     /// The lines and names of `mtllib` statements.
     pub(super) libraries: Vec<(usize, String)>,
     losses: Losses,
@@ -393,7 +393,7 @@ impl Reader<'_> {
         let known = self.names.get(name).copied();
         self.material = known.unwrap_or_else(|| {
             let new = self.contents.materials.len() as u32;
-            self.contents.materials.push(name.to_owned());
+            self.contents.materials.push((line.number, name.to_owned()));
             self.names.insert(name.to_owned(), new);
             new
         });

@@ -7,12 +7,14 @@ const QUAD: &str =
     "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 1\n";
 const MTL: &str = "newmtl a\nKd .25 .5 .75\n";
 
+const STRICT: LoadOptions = LoadOptions { strict: true };
+
 /// The scene `x.obj` of a folder, whose only notes are of faults; and the error when it is
 /// read strictly.
 fn forgiven(folder: &TempDir) -> (Scene, String) {
     let path = folder.path().join("x.obj");
     let scene = Scene::load(&path).expect("it is forgiven");
-    let strict = Scene::load_with(&path, &LoadOptions { strict: true, ..Default::default() });
+    let strict = Scene::load_with(&path, &STRICT);
     (scene, strict.expect_err("it is a fault").to_string())
 }
 
@@ -94,8 +96,7 @@ fn what_is_no_fault() {
     ];
     for statements in statements {
         let folder = folder(&[("x.obj", &format!("{QUAD}{statements}\n"))]);
-        let strict = LoadOptions { strict: true, ..Default::default() };
-        let scene = Scene::load_with(&folder.path().join("x.obj"), &strict).expect(statements);
+        let scene = Scene::load_with(&folder.path().join("x.obj"), &STRICT).expect(statements);
         assert_eq!(notes(&scene), [""; 0], "{statements}");
         assert_eq!(scene.triangles[0].area_vector(), Vec3A::Z * 4.0, "{statements}");
     }
@@ -156,9 +157,9 @@ fn materials_are_found_behind_comments_and_quotes() {
         ("mtllib x.mtl # the library", "usemtl a", MTL, true),
         ("MTLLIB x.mtl", "USEMTL a", MTL, true),
         ("mtllib \"x.mtl\"", "usemtl \"a\"", MTL, false),
-        ("mtllib x.mtl", "usemtl a # front", MTL, false),
+        ("mtllib x.mtl", "usemtl a # front", MTL, true),
         ("mtllib x.mtl", "usemtl a", "newmtl a # front\nKd .25 .5 .75\n", false),
-        ("mtllib x.mtl", "usemtl a\t#1", "newmtl a # front\nKd .25 .5 .75\n", false),
+        ("mtllib x.mtl", "usemtl a\t#1", "newmtl a # front\nKd .25 .5 .75\n", true),
         (
             "mtllib x.mtl",
             "usemtl a #2",
