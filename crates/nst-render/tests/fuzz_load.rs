@@ -16,7 +16,15 @@ use proptest::{
     test_runner::{RngSeed, TestRunner},
 };
 
-const OBJ: &str = "# a scene\nmtllib x.mtl # a library\nMTLLIB \"x.mtl\" gone.mtl\n\
+const OBJ: &str = "# a scene\nmtllib x.mtl\n\
+    v 0 0 0\nv 3 0 0\nv 3 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0\nv 1.5 .5 -1e0 1.0\nv 2 2 2 .1 .2 .3\n\
+    vt 0 0\nvt 1 0\nvt .5 1\nvn 0 0 1\nvn 0 1 0\n\
+    o concave\nusemtl textured\nf 1/1/1 2/2/1 3/3/1 4/1/2 5/2/1 6/3/1\n\
+    g other\nusemtl a metal\nf -1 -2 -3\nf 1/1 2/2 7/3 \\\n 8/1\nusemtl light\nf 1//1 2//2 8//-1\n\
+    usemtl nowhere\nf 2 3 7\nf 1 1 1\nl 1 2 3\nf 6 7 8\n";
+
+/// The same with faults that are forgiven.
+const FAULTY: &str = "# a scene\nmtllib x.mtl # a library\nMTLLIB \"x.mtl\" gone.mtl\n\
     v 0 0 0\nv 3 0 0\nv 3 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0\nv 1.5 .5 -1e0 1.0\nv 2 2 2 .1 .2 .3\n\
     V 1 1 1 1 0.5 0 1\nv nan 0 0\nvt 0 0\nvt 1 0\nvt .5 1\nvt inf 0\nvn 0 0 1\nvn 0 1 0\nvn 1.#IND 0 0\n\
     o concave\nusemtl textured # a comment\nf 1/1/1 2/2/1 3/3/1 4/1/2 5/2/1 6/3/1\n\
@@ -167,13 +175,13 @@ fn replace_word(bytes: &[u8], index: Index, word: &str) -> Vec<u8> {
     result
 }
 
-/// The whole files; the images are of three by two pixels.
-fn files() -> Vec<(&'static str, Vec<u8>)> {
+/// The whole files, with this OBJ; the images are of three by two pixels.
+fn files(obj: &str) -> Vec<(&'static str, Vec<u8>)> {
     let folder = tempfile::tempdir().expect("a folder");
     let pixels =
         image::RgbImage::from_fn(3, 2, |x, y| image::Rgb([x as u8 * 90, y as u8 * 200, 7]));
     let mut files: Vec<_> =
-        [("x.obj", OBJ), ("x.mtl", MTL), ("x.toml", TOML)].map(|(n, t)| (n, t.into())).into();
+        [("x.obj", obj), ("x.mtl", MTL), ("x.toml", TOML)].map(|(n, t)| (n, t.into())).into();
     for name in ["a.png", "b.jpg", "d.tga", "e.bmp"] {
         let path = folder.path().join(name);
         pixels.save(&path).expect(name);
@@ -232,7 +240,7 @@ fn check(scene: &Scene) -> Result<(), TestCaseError> {
 
 /// One run of proptest; counts the scenes that loaded and those that did not.
 fn fuzz(seed: u64, cases: u32, counts: &mut [u64; 2]) {
-    let whole = files();
+    let whole = [files(OBJ), files(FAULTY)];
     let folder = tempfile::tempdir().expect("a folder");
     let config = ProptestConfig {
         cases,
@@ -242,10 +250,10 @@ fn fuzz(seed: u64, cases: u32, counts: &mut [u64; 2]) {
     };
     let counts = std::cell::RefCell::new(counts);
     // OBJ, MTL and TOML are damaged more often than the five images.
-    let file = prop_oneof![3 => 0..3_usize, 2 => 3..whole.len()];
-    let damages = prop::collection::vec((file, damage()), 1..4);
-    let result = TestRunner::new(config).run(&damages, |damages| {
-        let mut files = whole.clone();
+    let file = prop_oneof![3 => 0..3_usize, 2 => 3..whole[0].len()];
+    let damages = (0..2_usize, prop::collection::vec((file, damage()), 1..4));
+    let result = TestRunner::new(config).run(&damages, |(obj, damages)| {
+        let mut files = whole[obj].clone();
         for (file, damage) in &damages {
             let bytes = std::mem::take(&mut files[*file].1);
             files[*file].1 = apply(damage, bytes);
@@ -280,8 +288,13 @@ fn fuzz(seed: u64, cases: u32, counts: &mut [u64; 2]) {
 #[test]
 fn damaged_files_load_or_fail() {
     let folder = tempfile::tempdir().expect("a folder");
-    write(folder.path(), &files());
-    Scene::load(&folder.path().join("x.obj")).expect("the files are good before they are damaged");
+    let path = folder.path().join("x.obj");
+    for (obj, is_strict) in [(OBJ, true), (FAULTY, false)] {
+        write(folder.path(), &files(obj));
+        Scene::load(&path).expect("the files are good before they are damaged");
+        let strict = Scene::load_with(&path, &LoadOptions { strict: true });
+        assert_eq!(strict.is_ok(), is_strict);
+    }
 
     let mut counts = [0; 2];
     fuzz(1, 300, &mut counts);
