@@ -21,7 +21,12 @@ pub(super) fn find(scene_file: &Path, name: &str, report: &mut Report) -> PathBu
         return scene_file.with_file_name(slashes(without_quotes(name)));
     };
     if !found.is_exact {
-        report.note(format!("{} is not there: '{}' is used", quoted(name), found.path.display()));
+        let path = found.path.display().to_string();
+        // Such names look the same.
+        let composed = |text: &str| text.nfc().collect::<String>();
+        let looks_same = composed(&path).ends_with(&composed(&slashes(name)));
+        let how = if looks_same { ", whose accents are composed in another way" } else { "" };
+        report.note(format!("{} is not there: '{path}' is used{how}", quoted(name)));
     }
     found.path
 }
@@ -218,6 +223,18 @@ mod tests {
             _ => (name, None, 0),
         });
         check(&folder, &strict, true);
+    }
+
+    #[test]
+    fn names_that_look_the_same_are_told_apart() {
+        let folder = folder(&["fu\u{308}r.png", "T.png"]);
+        let mut report = Report::default();
+        for name in ["f\u{fc}r.png", "t.png"] {
+            find(&folder.path().join("x.mtl"), name, &mut report);
+        }
+        let notes = report.notes();
+        assert!(notes[0].ends_with("is used, whose accents are composed in another way"));
+        assert!(notes[1].ends_with("T.png' is used"), "{notes:?}");
     }
 
     /// A name in Shift-JIS, on the disk and in the file, which was read as Latin-1.

@@ -105,7 +105,7 @@ fn resolve<'a>(
             is_whole[id as usize] |= whole;
             ids.push(id);
         } else {
-            unknown.push(plain(name));
+            unknown.extend(Some(plain(name)).filter(|name| !name.is_empty()));
             ids.push(materials.len() as u32);
         }
     }

@@ -134,8 +134,10 @@ impl Names {
     /// The material of a name, and whether it is there under the whole name.
     pub(super) fn get(&self, name: &str) -> Option<(u32, bool)> {
         let whole = self.whole.get(name).map(|&id| (id, true));
-        let alike = || self.whole.get(plain(name)).or_else(|| self.plain.get(plain(name)));
-        whole.or_else(|| alike().map(|&id| (id, false)))
+        let name = plain(name);
+        let alike = || self.whole.get(name).or_else(|| self.plain.get(name));
+        // A comment alone is no name that another comment could mean.
+        whole.or_else(|| alike().filter(|_| !name.is_empty()).map(|&id| (id, false)))
     }
 }
 

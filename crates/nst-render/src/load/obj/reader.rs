@@ -386,9 +386,8 @@ impl Reader<'_> {
     fn use_material(&mut self, line: &Line) -> Result<(), Error> {
         let name = line.name();
         if name.is_empty() {
-            self.material = u32::MAX;
             let kind = "usemtl without a name: the default material";
-            return self.forgive(kind, line.number, || "usemtl without a name".to_owned());
+            self.forgive(kind, line.number, || "usemtl without a name".to_owned())?;
         }
         let known = self.names.get(name).copied();
         self.material = known.unwrap_or_else(|| {

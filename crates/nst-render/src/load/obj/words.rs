@@ -65,13 +65,17 @@ pub(super) fn number_f32(word: &str) -> Option<f32> {
     word.parse().ok().or_else(|| unusual(word).map(|number| number as f32))
 }
 
-/// NaN and infinities as Microsoft's libraries and C99 write them: `-1.#IND`, `1.#QNAN`,
-/// `1.#INF00`, `-nan(ind)`.
+/// NaN and infinities as C99 and Microsoft's libraries write them: `-nan(ind)`, `1.#INF00`,
+/// `-1.#IND`, `1.#QNAN`, or `1.#J` where that was rounded.
 fn unusual(word: &str) -> Option<f64> {
     let word = word.trim_start_matches(['+', '-']).to_ascii_lowercase();
-    let is_infinity = word.starts_with("1.#inf");
-    let is_nan = ["1.#ind", "1.#qnan", "1.#snan", "nan("].iter().any(|nan| word.starts_with(nan));
-    (is_infinity || is_nan).then_some(if is_infinity { f64::INFINITY } else { f64::NAN })
+    if word.starts_with("nan(") {
+        return Some(f64::NAN);
+    }
+    let name = word
+        .strip_prefix("1.#")
+        .filter(|name| name.starts_with(|c: char| c.is_ascii_alphabetic()))?;
+    Some(if name.starts_with("inf") { f64::INFINITY } else { f64::NAN })
 }
 
 /// A face's corner: the numbers of its vertex, its texture coordinate and its normal.
@@ -164,7 +168,7 @@ mod tests {
 
     #[test]
     fn numbers_that_are_none() {
-        for nan in ["nan", "-NaN", "1.#IND", "-1.#IND00", "1.#QNAN", "-nan(ind)"] {
+        for nan in ["nan", "-NaN", "1.#IND", "-1.#IND00", "1.#QNAN", "-1.#J", "-nan(ind)"] {
             assert!(number_f64(nan).is_some_and(f64::is_nan), "{nan}");
             assert!(number_f32(nan).is_some_and(f32::is_nan), "{nan}");
         }

@@ -209,6 +209,12 @@ fn usemtl_without_a_name_ends_the_material() {
     let colors: Vec<_> =
         scene.triangles.iter().map(|t| scene.materials[t.material as usize].color).collect();
     assert_eq!(colors, [Vec3A::new(0.25, 0.5, 0.75), Vec3A::splat(0.8)]);
+    // A comment is no name.
+    let obj = format!("mtllib x.mtl\n{QUAD}usemtl # none\nf 1 2 3 4\n");
+    let (scene, _) = forgiven(&folder(&[("x.obj", &obj), ("x.mtl", "newmtl a\nKd .1\n")]));
+    assert_eq!(scene.materials[1].color, Vec3A::splat(0.8));
+    let notes = scene.notes.join("; ");
+    assert!(notes.contains("where the file names none;"), "{notes}");
 }
 
 /// Names in Shift-JIS, GBK and Big5 whose last byte is that of a backslash.
