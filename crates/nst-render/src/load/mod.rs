@@ -7,6 +7,7 @@ mod image;
 mod keys;
 mod mtl;
 mod obj;
+mod place;
 mod polygon;
 mod ranges;
 mod report;

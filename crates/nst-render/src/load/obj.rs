@@ -3,6 +3,7 @@
 mod colors;
 mod faces;
 mod foreign;
+mod keywords;
 mod libraries;
 mod reader;
 mod words;

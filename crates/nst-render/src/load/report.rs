@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::text::error_at;
+use super::place::error_at;
 use crate::Error;
 
 /// Grows while a scene is loaded.

@@ -6,6 +6,7 @@ use std::{
     path::Path,
 };
 
+pub(super) use super::place::{error_at, scene_error};
 use super::report::Report;
 use crate::Error;
 
@@ -91,19 +92,6 @@ pub(super) fn without_comment(name: &str) -> &str {
 pub(super) fn without_quotes(name: &str) -> &str {
     let within = |mark| name.strip_prefix(mark).and_then(|name| name.strip_suffix(mark));
     within('"').or_else(|| within('\'')).unwrap_or(name).trim_ascii()
-}
-
-pub(super) fn error_at(path: &Path, line: usize, message: impl AsRef<str>) -> Error {
-    scene_error(path, &format!("line {line}: {}", message.as_ref()))
-}
-
-/// An error of a scene file, however long the words are that it quotes.
-pub(super) fn scene_error(path: &Path, message: &str) -> Error {
-    const MOST: usize = 1000;
-    match message.char_indices().nth(MOST) {
-        None => Error::scene(path, message),
-        Some((end, _)) => Error::scene(path, format!("{}…", &message[..end])),
-    }
 }
 
 /// Reads a text file, as [`decode`].

@@ -20,8 +20,8 @@ use crate::{Camera, Triangle};
 const FINE: RangeInclusive<f32> = 1e-3..=1e6;
 /// How far a scene may be from the origin, in units of its longest side, and stay there.
 /// f32 has 24 binary digits. At 2⁴ sides, 20 are left for the scene, which is a millionth of
-/// its side: what files of six or seven decimal digits can say, and less than the share
-/// of light that may be lost where rays leave surfaces.
+/// its side: what files of six or seven decimal digits can say. Rays start some of these
+/// steps off their surface, which no picture shows.
 const NEAR_ORIGIN: f64 = 16.0;
 /// How far away from the scene a camera may be, in units of its largest coordinate.
 const FAR: f32 = 1e9;

@@ -1,7 +1,7 @@
 //! The MTL files that an OBJ file names, and the names of their materials.
 
 use std::{
-    collections::HashMap,
+    collections::{HashMap, HashSet},
     io::ErrorKind,
     path::{Path, PathBuf},
 };
@@ -31,7 +31,9 @@ pub(super) fn libraries(
     report: &mut Report,
 ) -> Result<Vec<PathBuf>, Error> {
     let mut libraries = Vec::new();
-    for (line, name) in statements {
+    let mut seen = HashSet::new();
+    // Some programs repeat the statement for each object.
+    for (line, name) in statements.iter().filter(|(_, name)| seen.insert(name)) {
         for name in names(path, *line, name, report)? {
             let library = find(path, name, report);
             let metadata = std::fs::metadata(&library).and_then(|metadata| {

@@ -10,6 +10,7 @@ use super::{
         report::Report,
         text::{self, Line, Text, quoted},
     },
+    keywords::Statement,
     words::{Corner, Words, corner, number_f32, number_f64},
 };
 use crate::Error;
@@ -115,47 +116,6 @@ impl Contents {
                 report.note(format!("{what}: {count}"));
             }
         }
-    }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Statement {
-    Vertex,
-    Texture,
-    Normal,
-    Face,
-    ObsoleteFace,
-    Material,
-    Library,
-    /// Points, lines, curves and surfaces.
-    Element,
-    /// What would read other files, or run programs.
-    Call,
-    /// Names of objects and groups, smoothing groups, and all that belongs to curves and
-    /// surfaces, or says how others draw.
-    Harmless,
-}
-
-impl Statement {
-    /// The statements of the format's specification (Wavefront, Advanced Visualizer, 1995,
-    /// appendix B1), with those that it calls superseded.
-    fn of(keyword: &str) -> Option<Self> {
-        Some(match keyword {
-            "v" => Self::Vertex,
-            "vt" => Self::Texture,
-            "vn" => Self::Normal,
-            "f" => Self::Face,
-            "fo" => Self::ObsoleteFace,
-            "usemtl" => Self::Material,
-            "mtllib" => Self::Library,
-            "p" | "l" | "curv" | "curv2" | "surf" | "bsp" | "bzp" | "cdc" | "cdp" => Self::Element,
-            "call" | "csh" => Self::Call,
-            "o" | "g" | "s" | "mg" | "vp" | "cstype" | "deg" | "bmat" | "step" | "parm"
-            | "trim" | "hole" | "scrv" | "sp" | "end" | "con" | "res" | "bevel" | "c_interp"
-            | "d_interp" | "lod" | "ctech" | "stech" | "shadow_obj" | "trace_obj" | "usemap"
-            | "maplib" => Self::Harmless,
-            _ => return None,
-        })
     }
 }
 
