@@ -49,7 +49,7 @@ fn fails_with(bench: &Bench, args: &str, variables: &[(&str, &str)], code: i32, 
 #[test]
 fn scenes() {
     let bench = Bench::new();
-    let cases: [(&str, &str, &[&str]); 19] = [
+    let cases: [(&str, &str, &[&str]); 18] = [
         ("range.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", &["range.obj", "line 4", "vertex 9"]),
         ("back.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -4\n", &["back.obj", "line 4", "-4"]),
         ("nan.obj", "v 0 0 0\nv 1 nan 0\n", &["nan.obj", "line 2", "vertex", "not finite"]),
@@ -61,11 +61,6 @@ fn scenes() {
         ("flat.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", &["flat.obj", "zero area"]),
         ("word.obj", "v 0 zero 0\nf 1 1 1\n", &["word.obj", "line 1", "'zero'"]),
         ("binary.obj", "\u{7f}ELF\0\0", &["binary.obj", "no text"]),
-        (
-            "no_mtl.obj",
-            &format!("mtllib gone.mtl\n{TRIANGLE}"),
-            &["no_mtl.obj", "line 1", "gone.mtl"],
-        ),
         (
             "bad_mtl.obj",
             &format!("mtllib bad.mtl\n{TRIANGLE}"),

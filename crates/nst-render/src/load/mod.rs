@@ -7,6 +7,7 @@ mod image;
 mod keys;
 mod mtl;
 mod obj;
+mod place;
 mod polygon;
 mod ranges;
 mod report;
@@ -14,24 +15,21 @@ mod room;
 mod sidecar;
 mod studio;
 mod text;
-mod tidy;
 mod units;
 mod view;
 
 use std::path::Path;
 
-use crate::{Environment, Error, Scene, Triangle};
+use crate::{Error, Scene};
 
-use self::{
-    exact::length_squared, image::Images, report::Report, sidecar::Sidecar, studio::Stage,
-    units::Unit,
-};
+use self::{image::Images, obj::Loaded, report::Report, sidecar::Sidecar, studio::Stage};
 pub use self::{studio::Lighting, view::View};
 
 /// A square picture that needs seconds, not minutes.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
 /// Enough for light from several walls; further vertices add little but time.
 const DEFAULT_MAX_DEPTH: u32 = 8;
+
 /// How to read a scene.
 #[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
@@ -64,11 +62,8 @@ impl Scene {
     pub fn load_with(path: &Path, options: &LoadOptions) -> Result<Self, Error> {
         let mut report = Report::new(options.strict);
         let mut images = Images::default();
-        let (mut triangles, mut materials) = obj::load(path, &mut images, &mut report)?;
-        let unit = Unit::of(&triangles);
-        unit.scale(&mut triangles, &mut report);
-        drop_degenerate(path, &mut triangles, &mut report)?;
-
+        let Loaded { mut triangles, mut vertex_colors, mut materials, placement } =
+            obj::load(path, &mut images, &mut report)?;
         let sidecar_path = path.with_extension("toml");
         let sidecar = Sidecar::read(&sidecar_path, &mut materials, &mut images, &mut report)?;
         let size = options.size.or(sidecar.size).unwrap_or(DEFAULT_SIZE);
@@ -80,7 +75,7 @@ impl Scene {
                 report.note(format!("{note} (--camera-position, --camera-target)"));
             }
         }
-        let camera = view.camera(&triangles, unit, aspect).map_err(|(part, message)| {
+        let camera = view.camera(&triangles, &placement, aspect).map_err(|(part, message)| {
             if options.view.has(part) {
                 Error::Settings(format!("the camera's {part} {message}"))
             } else {
@@ -88,11 +83,9 @@ impl Scene {
             }
         })?;
         let lit = triangles.iter().any(|t| materials[t.material as usize].emits());
-        let lighting = options.lighting.or(sidecar.lighting);
-        let environment = match (lighting, sidecar.environment) {
-            (None, Some(environment)) => environment,
-            (None, None) if lit => Environment::default(),
-            (lighting, _) => {
+        let environment = match options.lighting.or(sidecar.lighting) {
+            None if sidecar.environment.is_some() || lit => sidecar.environment.unwrap_or_default(),
+            lighting => {
                 let chosen = lighting.unwrap_or(Lighting::Studio);
                 if lighting.is_none() {
                     report.note(format!("nothing emits light: {} does", chosen.description()));
@@ -101,9 +94,14 @@ impl Scene {
                 Stage { triangles, materials, camera: &camera, aspect }.light(chosen)
             }
         };
+        if !vertex_colors.is_empty() {
+            // Of the studio's lamps.
+            vertex_colors.resize(triangles.len(), [[1.0; 3]; 3]);
+        }
         Ok(Self {
             name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
             triangles,
+            vertex_colors,
             materials,
             camera,
             size,
@@ -115,24 +113,6 @@ impl Scene {
             inputs: report.inputs,
         })
     }
-}
-
-/// Leaves out the triangles that have no direction: f32 cannot even square their areas.
-fn drop_degenerate(
-    path: &Path,
-    triangles: &mut Vec<Triangle>,
-    report: &mut Report,
-) -> Result<(), Error> {
-    let all = triangles.len();
-    triangles.retain(|triangle| length_squared(triangle.area_vector()).is_normal());
-    if triangles.is_empty() {
-        let message = "all of its faces have zero area; there is nothing to render";
-        return Err(Error::scene(path, message));
-    }
-    if triangles.len() < all {
-        report.note(format!("triangles of zero area, left out: {}", all - triangles.len()));
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use glam::{DVec3, Vec3A};
 
-use super::{exact::length_squared, units::Unit};
+use super::{exact::length_squared, units::Placement};
 use crate::{Camera, Triangle};
 
 /// In degrees, of a camera for which nobody says it: as a lens of 50 mm sees the longer
@@ -60,7 +60,7 @@ impl View {
         }
     }
 
-    /// The camera, for triangles in `unit`. `aspect` is the width of the picture divided by
+    /// The camera, for triangles that are placed. `aspect` is the width of the picture divided by
     /// its height.
     ///
     /// # Errors
@@ -68,7 +68,7 @@ impl View {
     pub(super) fn camera(
         &self,
         triangles: &[Triangle],
-        unit: Unit,
+        placement: &Placement,
         aspect: f64,
     ) -> Result<Camera, (&'static str, &'static str)> {
         let fov = self.vertical_fov.unwrap_or(DEFAULT_FOV);
@@ -83,9 +83,9 @@ impl View {
         }
         let (low, high) = crate::scene::bounds(triangles);
         let middle = (low.as_dvec3() + high.as_dvec3()) / 2.0;
-        let given = target.map(|target| unit.point(target));
+        let given = target.map(|target| placement.point(target));
         let (target, position) = match position {
-            Some(position) => (given.unwrap_or(middle), unit.point(position)),
+            Some(position) => (given.unwrap_or(middle), placement.point(position)),
             None => {
                 let frame = Frame::new(triangles, given.unwrap_or(middle), fov, aspect);
                 let target = given.unwrap_or_else(|| frame.centre());
@@ -101,7 +101,7 @@ impl View {
         if camera.position == camera.target {
             return Err(("target", "must differ from position"));
         }
-        if !Unit::is_distinct(&camera, triangles) {
+        if !Placement::is_distinct(&camera, triangles) {
             return Err(("position", "is too far from the scene, or too near the target, for f32"));
         }
         Ok(camera)
@@ -230,7 +230,7 @@ mod tests {
 
     fn camera(view: View, aspect: f64) -> Result<Camera, (&'static str, &'static str)> {
         let triangles = triangles();
-        view.camera(&triangles, Unit::of(&triangles), aspect)
+        view.camera(&triangles, &Placement::default(), aspect)
     }
 
     /// Its numbers enter the fingerprint, so that they must not depend on the machine's
