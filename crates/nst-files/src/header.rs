@@ -43,6 +43,11 @@ pub struct Part {
     pub size: [u32; 2],
     /// The left upper corner of the data window.
     pub position: [i32; 2],
+    /// Width and height of the display window, which is the whole picture: the data window
+    /// may be a part of it, or larger.
+    pub display_size: [u32; 2],
+    /// The left upper corner of the display window.
+    pub display_position: [i32; 2],
     /// How its pixels are compressed, and whether in scan lines or tiles.
     pub storage: String,
     /// Whether it is deep: each pixel has its own number of samples.
@@ -123,7 +128,8 @@ impl ExrHeader {
         layers
     }
 
-    /// Finds the layer of a name; without a name, the main picture, or else the only layer.
+    /// Finds the layer of a name; without a name, the main picture, or else the only layer,
+    /// or the only one of R, G and B, or of these the only one that is called `Combined`.
     ///
     /// # Errors
     /// What is wrong, and which layers there are.
@@ -138,14 +144,27 @@ impl ExrHeader {
             if let Some(main) = layers.iter().position(|layer| layer.name.is_empty()) {
                 return Ok(layers.swap_remove(main));
             }
-            return match layers.len() {
-                1 => Ok(layers.swap_remove(0)),
-                0 => Err(format!(
-                    "no channels R, G, B or Y; name one of its channels: {}",
-                    self.channel_names().join(", ")
-                )),
-                _ => Err(format!("it has several layers, name one of them: {names}")),
-            };
+            if layers.is_empty() {
+                let channels = self.channel_names().join(", ");
+                let has = |name: &str| self.all_channels().any(|c| self.channel(c).ends_with(name));
+                return Err(if has("RY") && has("BY") {
+                    format!(
+                        "luminance and chroma ({channels}) are not supported; save it as R, G and B"
+                    )
+                } else {
+                    format!("no channels R, G, B or Y; name one of its channels: {channels}")
+                });
+            }
+            let several = format!("it has several layers, name one of them: {names}");
+            if layers.len() > 1 {
+                // Depth, masks and the like, which are single channels, accompany a picture.
+                layers.retain(|layer| layer.channels.len() == 3);
+            }
+            if layers.len() > 1 {
+                // Blender's name for the picture that its passes make up.
+                layers.retain(|layer| layer.name.rsplit('.').next() == Some("Combined"));
+            }
+            return if layers.len() == 1 { Ok(layers.swap_remove(0)) } else { Err(several) };
         };
         if let Some(found) = layers.iter().position(|layer| layer.name == name) {
             return Ok(layers.swap_remove(found));
@@ -167,6 +186,10 @@ impl ExrHeader {
             (0..part.channels.len()).map(move |channel| (index, channel))
         };
         self.parts.iter().enumerate().flat_map(channels)
+    }
+
+    fn channel(&self, (part, channel): (usize, usize)) -> &str {
+        &self.parts[part].channels[channel].name
     }
 
     fn channel_names(&self) -> Vec<String> {
@@ -231,6 +254,7 @@ pub(crate) fn open(path: &Path) -> Result<Reader<BufReader<File>>, Error> {
 
 fn part(header: &RawHeader) -> Part {
     let window = header.data_window();
+    let display = header.shared_attributes.display_window;
     let tiled = matches!(header.blocks, BlockDescription::Tiles(_));
     let channels = header.channels.list.iter().map(|channel| Channel {
         name: channel.name.to_string(),
@@ -256,6 +280,9 @@ fn part(header: &RawHeader) -> Part {
         // The library refuses windows beyond 2³⁰.
         size: [window.size.x() as u32, window.size.y() as u32],
         position: [window.position.x(), window.position.y()],
+        display_size: [display.size.x(), display.size.y()]
+            .map(|length| u32::try_from(length).unwrap_or(u32::MAX)),
+        display_position: [display.position.x(), display.position.y()],
         storage: format!("{}, {}", header.compression, if tiled { "tiles" } else { "scan lines" }),
         deep: header.deep,
         channels: channels.collect(),
@@ -274,6 +301,8 @@ mod tests {
             name: name.map(str::to_owned),
             size: [1, 1],
             position: [0, 0],
+            display_size: [1, 1],
+            display_position: [0, 0],
             storage: String::new(),
             deep: false,
             channels: channels.iter().map(channel).collect(),
@@ -305,7 +334,27 @@ mod tests {
         assert_eq!(header(&[(None, &["depth"])]).choose(None).expect("depth").channels, [0]);
         assert_eq!(names(&header(&[(None, &["depth.T", "n.X", "n.Y", "n.Z"])])), ["depth"]);
         let luminance = header(&[(None, &["BY", "RY", "Y"])]);
-        assert!(luminance.choose(None).is_err_and(|e| e.contains("BY, RY, Y")));
+        let error = luminance.choose(None).expect_err("no picture");
+        assert!(error.contains("chroma (BY, RY, Y)") && error.contains("R, G and B"), "{error}");
+    }
+
+    #[test]
+    fn without_a_main_picture_there_must_be_one_of_colors() {
+        let of = |name: &str| ["B", "G", "R"].map(|channel| format!("{name}.{channel}"));
+        let [combined, diffuse, gloss] = ["View.Combined", "View.Diffuse", "View.Gloss"].map(of);
+        let names = |lists: &[&[String]]| lists.concat();
+        let choose = |channels: &[String]| {
+            let channels: Vec<_> = channels.iter().map(String::as_str).collect();
+            header(&[(None, &channels)]).choose(None).map(|layer| layer.name)
+        };
+        assert_eq!(choose(&combined).expect("one layer"), "View.Combined");
+        let depth = ["View.Depth.Z".to_owned(), "View.Mist.V".to_owned()];
+        assert_eq!(choose(&names(&[&combined, &depth])).expect("one of colors"), "View.Combined");
+        assert_eq!(choose(&names(&[&combined, &diffuse])).expect("combined"), "View.Combined");
+        let several = "name one of them: View.Diffuse, View.Gloss";
+        assert!(choose(&names(&[&diffuse, &gloss])).is_err_and(|e| e.contains(several)));
+        let data = "name one of them: View.Depth, View.Mist";
+        assert!(choose(&depth).is_err_and(|e| e.contains(data)));
     }
 
     #[test]
@@ -313,7 +362,7 @@ mod tests {
         let rgb: &[&str] = &["B", "G", "R"];
         let file = header(&[(Some("beauty"), rgb), (Some("aov"), &["aov.V", "mist.V"])]);
         assert_eq!(names(&file), ["beauty", "aov", "aov.mist"]);
-        assert!(file.choose(None).is_err_and(|e| e.contains("beauty, aov, aov.mist")));
+        assert_eq!(file.choose(None).expect("the only one of colors").name, "beauty");
         assert_eq!(file.choose(Some("aov.mist")).expect("mist").part, 1);
         assert_eq!(file.choose(Some("beauty.G")).expect("G").channels, [1]);
     }

@@ -37,6 +37,10 @@ pub struct Picture {
     pub size: [u32; 2],
     /// Where the data window's left upper corner lies.
     pub position: [i32; 2],
+    /// Width and height in pixels of the display window.
+    pub display_size: [u32; 2],
+    /// Where the display window's left upper corner lies.
+    pub display_position: [i32; 2],
     /// The layer's name; empty for the main picture.
     pub layer: String,
     /// The names of its channels: R, G and B, or one.
@@ -47,7 +51,7 @@ pub struct Picture {
 
 impl Picture {
     /// Reads the header of a file and picks a layer: the named one, else the main picture,
-    /// else the only one. The name of a layer is the part of its channels' names before the
+    /// else the only one, or the only one of R, G and B, or of these the one called `Combined`. The name of a layer is the part of its channels' names before the
     /// last dot, the name of its part of the file, or both; a single channel by its whole
     /// name.
     ///
@@ -67,7 +71,12 @@ impl Picture {
         }
         // The library would look for the samples of the other channels in wrong places.
         if !part.channels.iter().all(|channel| channel.full_resolution) {
-            let message = "channels of reduced resolution are not supported; resample them first";
+            let chroma = part.channels.iter().any(|channel| channel.name.ends_with("RY"));
+            let message = if chroma {
+                "luminance and chroma (Y, RY, BY) are not supported; save it as R, G and B"
+            } else {
+                "channels of reduced resolution are not supported; resample them first"
+            };
             return Err(Error::malformed(path, message));
         }
         let [width, height] = part.size;
@@ -78,6 +87,8 @@ impl Picture {
             part: layer.part,
             size: part.size,
             position: part.position,
+            display_size: part.display_size,
+            display_position: part.display_position,
             channel_names: channels().map(|channel| channel.name.clone()).collect(),
             samples_per_pixel: samples_per_pixel(part),
             channels: layer.channels,
@@ -336,6 +347,8 @@ mod tests {
             name: None,
             size: [1, 1],
             position: [0, 0],
+            display_size: [1, 1],
+            display_position: [0, 0],
             storage: String::new(),
             deep: false,
             channels: Vec::new(),
