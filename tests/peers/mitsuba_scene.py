@@ -10,6 +10,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
+from mitsuba_environment import environment
 from scene_files import Material, Part, SceneError, SceneFiles
 
 PRINCIPLED = (
@@ -65,6 +66,8 @@ def translate(files: SceneFiles, size: tuple[int, int] | None = None) -> dict[st
             "sampler": {"type": "independent"},
         },
     }
+    if files.environment is not None:
+        scene["environment"] = environment(files.environment, files.folder)
     powers = [_power(part, files.materials[part.material]) for part in files.parts]
     points = np.vstack([files.points, [camera["position"]]])
     for i, (part, power) in enumerate(zip(files.parts, powers, strict=True)):

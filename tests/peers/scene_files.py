@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -44,6 +45,10 @@ class SceneFiles:
     """Width and height of the film."""
     max_depth: int
     """It counts as Mitsuba's does: 1 is directly seen emission, 2 adds direct light."""
+    environment: dict[str, Any] | None
+    """The sidecar's table."""
+    folder: Path
+    """Where the files are, to which the names of images are relative."""
 
     @property
     def points(self) -> np.ndarray:
@@ -64,12 +69,14 @@ def read_scene(path: Path) -> SceneFiles:
     sidecar_path = path.with_suffix(".toml")
     with sidecar_path.open("rb") as file:
         sidecar = tomllib.load(file)
-    unknown = sidecar.keys() - {"camera", "film", "integrator"}
+    unknown = sidecar.keys() - {"camera", "film", "integrator", "environment"}
     if unknown:
         raise SceneError(f"{sidecar_path}: [{min(unknown)}] is not translated")
     width, height = sidecar["film"]["size"]
     max_depth = sidecar["integrator"]["max_depth"]
-    return SceneFiles(parts, materials, sidecar["camera"], (width, height), max_depth)
+    environment = sidecar.get("environment")
+    size = (width, height)
+    return SceneFiles(parts, materials, sidecar["camera"], size, max_depth, environment, path.parent)
 
 
 def _statements(path: Path) -> Iterator[tuple[int, str, list[str]]]:

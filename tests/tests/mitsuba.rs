@@ -151,3 +151,44 @@ fn halton_has_the_same_mean() {
     assert!(comparison.same(), "{comparison:?}");
     assert!(!halton.brighter(0.98).compare(&random).same());
 }
+
+/// A scene that nothing but an image of a sky lights, with a sun of one texel.
+fn skylit() -> Scene {
+    let path = repository().join("tests/data/skylit/skylit.obj");
+    let scene = Scene::load(&path).expect("the scene is part of the repository");
+    Scene { size: [64, 64], ..scene }
+}
+
+#[test]
+fn lit_by_an_image_of_the_sky() {
+    let right = skylit();
+    assert_agrees("skylit", &right, 2048, 0.9);
+    // A sky that is turned the other way, or a little too far, must be seen.
+    for rotation in [-30.0, 31.0] {
+        let mut turned = right.clone();
+        turned.environment.rotation = rotation;
+        let turned = Image::render(&turned, 256, SamplerKind::Random, 1);
+        assert!(!turned.compare(&Image::reference("skylit")).same(), "{rotation}");
+    }
+}
+
+/// The standard deviation of a pixel at equal samples is at most twice Mitsuba's.
+#[test]
+fn the_noise_of_a_sky_with_a_sun() {
+    const SPP: u32 = 256;
+    let path = repository().join("tests/data/reference/skylit-64.exr");
+    let theirs = Picture::open(&path, None).expect("the reference").samples_per_pixel;
+    let samples = f64::from(theirs.expect("a number of samples"));
+    let reference = Image::reference("skylit");
+    let ours = Image::render(&skylit(), SPP, SamplerKind::Random, 5);
+    let pairs = ours.variance.iter().zip(&reference.variance);
+    let ratio = |(&ours, &theirs): (&f32, &f32)| {
+        (f64::from(ours) * f64::from(SPP) / (f64::from(theirs) * samples)).sqrt()
+    };
+    let mut ratios: Vec<_> = pairs.map(ratio).filter(|ratio| ratio.is_finite()).collect();
+    assert!(ratios.len() > 6000, "{}", ratios.len());
+    ratios.sort_by(f64::total_cmp);
+    let [middle, high] = [0.5, 0.95].map(|share| ratios[(share * ratios.len() as f64) as usize]);
+    eprintln!("standard deviations by Mitsuba's: median {middle}, 95 % below {high}");
+    assert!(middle < 2.0 && high < 4.0, "{middle}, {high}");
+}

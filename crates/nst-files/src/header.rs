@@ -160,7 +160,8 @@ impl ExrHeader {
     }
 
     /// Finds the layer of a name. Without a name, it is the main picture, or the only layer,
-    /// or `Combined`, as Blender names the picture beside its passes.
+    /// or the only one of R, G and B, or `Combined`, as Blender names the picture beside its
+    /// passes.
     ///
     /// # Errors
     /// What is wrong, and which layers there are.
@@ -175,16 +176,26 @@ impl ExrHeader {
             if let Some(main) = layers.iter().position(|layer| layer.name.is_empty()) {
                 return Ok(layers.swap_remove(main));
             }
-            if let [combined] = combined(&layers)[..] {
-                return Ok(layers.swap_remove(combined));
+            if layers.is_empty() {
+                let channels = self.channel_names().join(", ");
+                let has = |name: &str| self.all_channels().any(|c| self.channel(c).ends_with(name));
+                return Err(if has("RY") && has("BY") {
+                    format!(
+                        "luminance and chroma ({channels}) are not supported; save it as R, G and B"
+                    )
+                } else {
+                    format!("no channels R, G, B or Y; name one of its channels: {channels}")
+                });
             }
-            return match layers.len() {
-                1 => Ok(layers.swap_remove(0)),
-                0 => Err(format!(
-                    "no channels R, G, B or Y; name one of its channels: {}",
-                    self.channel_names().join(", ")
-                )),
-                _ => Err(format!("it has several layers, name one of them: {names}")),
+            let several = format!("it has several layers, name one of them: {names}");
+            if layers.len() > 1 {
+                // Depth, masks and the like, which are single channels, accompany a picture.
+                layers.retain(|layer| layer.channels.len() == 3);
+            }
+            return match (layers.len(), &combined(&layers)[..]) {
+                (1, _) => Ok(layers.swap_remove(0)),
+                (_, &[combined]) => Ok(layers.swap_remove(combined)),
+                _ => Err(several),
             };
         };
         if let Some(found) = layers.iter().position(|layer| layer.name == name) {
@@ -207,6 +218,10 @@ impl ExrHeader {
             (0..part.channels.len()).map(move |channel| (index, channel))
         };
         self.parts.iter().enumerate().flat_map(channels)
+    }
+
+    fn channel(&self, (part, channel): (usize, usize)) -> &str {
+        &self.parts[part].channels[channel].name
     }
 
     fn channel_names(&self) -> Vec<String> {
@@ -368,7 +383,27 @@ mod tests {
         assert_eq!(header(&[(None, &["depth"])]).choose(None).expect("depth").channels, [0]);
         assert_eq!(names(&header(&[(None, &["depth.T", "n.X", "n.Y", "n.Z"])])), ["depth"]);
         let luminance = header(&[(None, &["BY", "RY", "Y"])]);
-        assert!(luminance.choose(None).is_err_and(|e| e.contains("BY, RY, Y")));
+        let error = luminance.choose(None).expect_err("no picture");
+        assert!(error.contains("chroma (BY, RY, Y)") && error.contains("R, G and B"), "{error}");
+    }
+
+    #[test]
+    fn without_a_main_picture_there_must_be_one_of_colors() {
+        let of = |name: &str| ["B", "G", "R"].map(|channel| format!("{name}.{channel}"));
+        let [combined, diffuse, gloss] = ["View.Combined", "View.Diffuse", "View.Gloss"].map(of);
+        let names = |lists: &[&[String]]| lists.concat();
+        let choose = |channels: &[String]| {
+            let channels: Vec<_> = channels.iter().map(String::as_str).collect();
+            header(&[(None, &channels)]).choose(None).map(|layer| layer.name)
+        };
+        assert_eq!(choose(&combined).expect("one layer"), "View.Combined");
+        let depth = ["View.Depth.Z".to_owned(), "View.Mist.V".to_owned()];
+        assert_eq!(choose(&names(&[&combined, &depth])).expect("one of colors"), "View.Combined");
+        assert_eq!(choose(&names(&[&combined, &diffuse])).expect("combined"), "View.Combined");
+        let several = "name one of them: View.Diffuse, View.Gloss";
+        assert!(choose(&names(&[&diffuse, &gloss])).is_err_and(|e| e.contains(several)));
+        let data = "name one of them: View.Depth, View.Mist";
+        assert!(choose(&depth).is_err_and(|e| e.contains(data)));
     }
 
     #[test]
@@ -407,7 +442,7 @@ mod tests {
         let rgb: &[&str] = &["B", "G", "R"];
         let file = header(&[(Some("beauty"), rgb), (Some("aov"), &["aov.V", "mist.V"])]);
         assert_eq!(names(&file), ["beauty", "aov", "aov.mist"]);
-        assert!(file.choose(None).is_err_and(|e| e.contains("beauty, aov, aov.mist")));
+        assert_eq!(file.choose(None).expect("the only one of colors").name, "beauty");
         assert_eq!(file.choose(Some("aov.mist")).expect("mist").part, 1);
         assert_eq!(file.choose(Some("beauty.G")).expect("G").channels, [1]);
     }

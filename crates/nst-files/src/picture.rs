@@ -52,7 +52,7 @@ pub struct Picture {
 
 impl Picture {
     /// Reads the header of a file and picks a layer: the named one, else the main picture,
-    /// else the only one. The name of a layer is the part of its channels' names before the
+    /// else the only one, or the only one of R, G and B, or of these the one called `Combined`. The name of a layer is the part of its channels' names before the
     /// last dot, the name of its part of the file, or both; a single channel by its whole
     /// name.
     ///
@@ -72,7 +72,12 @@ impl Picture {
         }
         // The library would look for the samples of the other channels in wrong places.
         if !part.channels.iter().all(|channel| channel.full_resolution) {
-            let message = "channels of reduced resolution are not supported; resample them first";
+            let chroma = part.channels.iter().any(|channel| channel.name.ends_with("RY"));
+            let message = if chroma {
+                "luminance and chroma (Y, RY, BY) are not supported; save it as R, G and B"
+            } else {
+                "channels of reduced resolution are not supported; resample them first"
+            };
             return Err(Error::malformed(path, message));
         }
         let [width, height] = part.size;

@@ -2,12 +2,15 @@
 
 mod openexr;
 mod pixels;
+mod rgbe;
 
 use std::{
     collections::HashMap,
     path::{Path, PathBuf},
     sync::Arc,
 };
+
+use nst_files::header::is_exr;
 
 use super::{ranges::RADIANCE, report::Report};
 use crate::{Error, Texture, color::luminance};
@@ -118,8 +121,11 @@ impl Images {
 fn read(path: &Path, purpose: Purpose, report: &mut Report) -> Result<Texture, Error> {
     let bytes = report.read(path)?;
     let most = MOST_BYTES.min((bytes.len() as u64).saturating_mul(MOST_BYTES_PER_BYTE));
-    let is_exr = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
-    let mut pixels = if is_exr {
+    let ends_in_exr = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("exr"));
+    // What a file starts with counts more than its name.
+    let mut pixels = if rgbe::is_radiance(&bytes) {
+        rgbe::read(path, &bytes, most, report)?
+    } else if ends_in_exr || is_exr(path)? {
         openexr::read(path, most, purpose)?
     } else {
         pixels::read(path, &bytes, most, purpose)?
@@ -213,9 +219,13 @@ mod tests {
     fn srgb_is_decoded_in_8_and_16_bits() {
         let folder = folder();
         let close = |a: f32, b: f64| assert!((f64::from(a) - b).abs() < 1e-6, "{a} is not {b}");
-        for name in ["x.png", "x.bmp", "x.tga"] {
+        // GIF has 256 colours, of which it finds these.
+        for name in ["x.png", "x.bmp", "x.tga", "x.webp", "x.tiff", "x.gif"] {
             let path = folder.path().join(name);
-            image::RgbImage::from_pixel(2, 1, image::Rgb([0, 128, 255])).save(&path).expect(name);
+            let image = image::RgbImage::from_pixel(2, 1, image::Rgb([0, 128, 255]));
+            let image = image::DynamicImage::from(image);
+            let image = if name == "x.gif" { image.into_rgba8().into() } else { image };
+            image.save(&path).expect(name);
             let texture = Images::default().radiance(&path, &mut Report::default()).expect(name);
             assert_eq!(texture.size(), [2, 1]);
             let [r, g, b] = texture.texels()[1];
@@ -230,6 +240,11 @@ mod tests {
         let [r, g, _] = texture.texels()[0];
         close(r, 655.0 / 65535.0 / 12.92);
         close(g, 0.215_860_500);
+        let floats = folder.path().join("floats.tif");
+        let pixel = image::Rgb([-0.5, 0.5, 7.0_f32]);
+        image::Rgb32FImage::from_pixel(1, 1, pixel).save(&floats).expect("a TIFF file");
+        let texture = Images::default().radiance(&floats, &mut Report::default());
+        assert_eq!(texture.expect("a texture").texels(), [[0.0, 0.5, 7.0]]);
         // JPEG is lossy: one level of 255 is 0.01 here.
         let path = folder.path().join("x.jpg");
         image::RgbImage::from_pixel(8, 8, image::Rgb([128; 3])).save(&path).expect("a JPEG file");
@@ -339,6 +354,29 @@ mod tests {
         assert!(error.contains("b.exr") && error.contains("column 0, row 0"), "{error}");
     }
 
+    /// Programs write files under other formats' names.
+    #[test]
+    fn the_first_bytes_count_more_than_the_name() {
+        let folder = folder();
+        let path = |name: &str| folder.path().join(name);
+        write_rgb_file(path("sky.hdr"), 1, 1, |_, _| (7.0_f32, 7.0_f32, 7.0_f32)).expect("a file");
+        let radiance = b"#?RGBE\n\n-Y 1 +X 1\n\x07\x07\x07\x88";
+        std::fs::write(path("sky.pic"), radiance).expect("a file");
+        std::fs::write(path("sky.exr"), radiance).expect("a file");
+        image::RgbImage::from_pixel(1, 1, image::Rgb([255; 3]))
+            .save(path("a.png"))
+            .expect("a file");
+        std::fs::rename(path("a.png"), path("a.jpg")).expect("a file");
+        let texel = |name: &str| {
+            let texture = Images::default().radiance(&path(name), &mut Report::default());
+            texture.expect(name).texels()[0]
+        };
+        assert_eq!(
+            ["sky.hdr", "sky.pic", "sky.exr", "a.jpg"].map(texel),
+            [7.0, 7.0, 7.0, 1.0].map(|x| [x; 3])
+        );
+    }
+
     #[test]
     fn malformed_images_are_refused() {
         let folder = folder();
@@ -353,9 +391,10 @@ mod tests {
             error
         };
         message("text.png", b"no image");
+        assert!(message("sky.hdr", b"no image").contains("Radiance"));
         message("empty.png", b"");
         message("empty.exr", b"");
-        assert!(message("photo.webp", b"RIFF....WEBPVP8 ").contains("PNG, JPEG"));
+        assert!(message("photo.avif", b"\0\0\0\x1cftypavif....").contains("PNG, JPEG"));
         let path = folder.path().join("whole.exr");
         let nan = |x, _| if x == 1 { (f32::NAN, 0.0, 0.0) } else { (0.0_f32, 0.0_f32, 0.0_f32) };
         write_rgb_file(&path, 4, 4, nan).expect("an EXR file");

@@ -7,7 +7,12 @@ use image::{ColorType, DynamicImage, ImageReader, Limits};
 use super::{Pixels, Purpose};
 use crate::Error;
 
-/// PNG, JPEG, TGA or BMP. 8 and 16 bits are sRGB where colours are wanted.
+/// What a message says can be read.
+const SUPPORTED: &str =
+    "PNG, JPEG, TGA, BMP, WebP, GIF, TIFF, Radiance's HDR (which starts with '#?') and EXR";
+
+/// PNG, JPEG, TGA, BMP, WebP, GIF (of an animation, the first picture) or TIFF. 8 and 16
+/// bits are sRGB where colours are wanted, floats are linear.
 pub(super) fn read(
     path: &Path,
     bytes: &[u8],
@@ -22,10 +27,11 @@ pub(super) fn read(
         image.color(),
         ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16
     );
+    let floats = matches!(image.color(), ColorType::Rgb32F | ColorType::Rgba32F);
     let texels = match purpose {
-        Purpose::Raw | Purpose::Opacity => image.into_rgb32f().pixels().map(|p| p.0).collect(),
         Purpose::Radiance | Purpose::Reflectance if deep => linear_16(image),
-        Purpose::Radiance | Purpose::Reflectance => linear_8(image),
+        Purpose::Radiance | Purpose::Reflectance if !floats => linear_8(image),
+        _ => image.into_rgb32f().pixels().map(|pixel| pixel.0).collect(),
     };
     Ok(Pixels { size, texels, alpha })
 }
@@ -34,7 +40,7 @@ fn decode(path: &Path, bytes: &[u8], most_bytes: u64) -> Result<DynamicImage, Er
     let malformed = |error: image::ImageError| match error {
         image::ImageError::IoError(error) => Error::io(path, error),
         image::ImageError::Unsupported(_) => {
-            Error::image(path, format!("{error}; PNG, JPEG, TGA, BMP and EXR are supported"))
+            Error::image(path, format!("{error}; {SUPPORTED} are supported"))
         }
         error => Error::image(path, format!("not a readable image: {error}")),
     };
