@@ -110,8 +110,9 @@ def without_materials(scene: Path, folder: Path) -> Path:
     lines = scene.read_bytes().splitlines()
     copy.write_bytes(b"\n".join(line for line in lines if not line.lstrip().lower().startswith(b"mtllib")))
     sidecar = "[environment]\nradiance = [1.0, 1.0, 1.0]\n"
-    if scene.with_suffix(".toml").is_file():
-        camera = tomllib.loads(scene.with_suffix(".toml").read_text(encoding="utf-8")).get("camera", {})
+    theirs = scene.with_suffix(".toml")
+    camera = tomllib.loads(theirs.read_text(encoding="utf-8")).get("camera") if theirs.is_file() else None
+    if camera:
         # Numbers and lists of numbers are written alike in JSON and TOML.
         sidecar += "[camera]\n" + "".join(f"{key} = {json.dumps(camera[key])}\n" for key in camera)
     copy.with_suffix(".toml").write_text(sidecar, encoding="utf-8")
