@@ -19,6 +19,7 @@ mod frame;
 pub(crate) mod lambert;
 mod microfacet;
 mod sample;
+mod thin;
 
 #[cfg(test)]
 mod chi2;
@@ -38,6 +39,7 @@ pub(crate) use {
     disney::{DisneyBsdf, PreparedDisney},
     frame::Frame,
     sample::BsdfSample,
+    thin::ThinDielectric,
 };
 
 /// What a material's scattering needs at every hit, computed once per material.
@@ -46,6 +48,7 @@ pub(crate) enum Prepared {
     Lambert,
     Disney(Box<PreparedDisney>),
     Dielectric(Dielectric),
+    ThinDielectric(ThinDielectric),
 }
 
 /// The scattering at one point of a surface.
@@ -54,6 +57,7 @@ pub(crate) enum Bsdf<'a> {
     Lambert { reflectance: Vec3A },
     Disney(DisneyBsdf<'a>),
     Dielectric(Dielectric),
+    ThinDielectric(ThinDielectric),
 }
 
 impl Prepared {
@@ -65,6 +69,7 @@ impl Prepared {
                 Self::Disney(Box::new(PreparedDisney::new(&parameters, colors(material))))
             }
             Scattering::Dielectric { ior } => Self::Dielectric(Dielectric::new(ior)),
+            Scattering::ThinDielectric { ior } => Self::ThinDielectric(ThinDielectric::new(ior)),
         }
     }
 
@@ -76,13 +81,14 @@ impl Prepared {
             Self::Lambert => Bsdf::Lambert { reflectance: color },
             Self::Disney(disney) => Bsdf::Disney(disney.at(color)),
             Self::Dielectric(dielectric) => Bsdf::Dielectric(*dielectric),
+            Self::ThinDielectric(pane) => Bsdf::ThinDielectric(*pane),
         }
     }
 }
 
 /// Colours whose convex hull contains every colour of the material.
 fn colors(material: &Material) -> impl Iterator<Item = Vec3A> {
-    let texels = material.color_texture.as_ref().map_or(&[[1.0; 3]][..], |t| t.texels());
+    let texels = material.color_texture.as_ref().map_or(&[[1.0; 3]][..], |t| t.image.texels());
     texels.iter().map(|&texel| material.color * Vec3A::from(texel))
 }
 
@@ -110,7 +116,7 @@ impl Bsdf<'_> {
                 (*reflectance * pdf, pdf)
             }
             Self::Disney(disney) => disney.eval_pdf(wo, wi),
-            Self::Dielectric(_) => (Vec3A::ZERO, 0.0),
+            Self::Dielectric(_) | Self::ThinDielectric(_) => (Vec3A::ZERO, 0.0),
         }
     }
 
@@ -126,12 +132,13 @@ impl Bsdf<'_> {
             }
             Self::Disney(disney) => disney.sample(wo, u, u2),
             Self::Dielectric(dielectric) => dielectric.sample(wo, u),
+            Self::ThinDielectric(pane) => pane.sample(wo, u),
         }
     }
 
     /// Whether every sample is a delta sample, so that light sampling finds nothing.
     #[inline]
     pub(crate) fn is_delta(&self) -> bool {
-        matches!(self, Self::Dielectric(_))
+        matches!(self, Self::Dielectric(_) | Self::ThinDielectric(_))
     }
 }

@@ -26,6 +26,8 @@ pub(super) struct Images {
     loaded: HashMap<PathBuf, Arc<Texture>>,
     /// Those of `loaded` that had texels above 1, limited to 1.
     limited: HashMap<PathBuf, Arc<Texture>>,
+    /// Those whose numbers are something else than colours in the usual form; and what.
+    pub(super) maps: HashMap<(PathBuf, String), Arc<Texture>>,
 }
 
 impl Images {
@@ -65,19 +67,34 @@ impl Images {
 
 fn read(path: &Path, report: &mut Report) -> Result<Texture, Error> {
     let bytes = report.read(path)?;
-    let most = MOST_BYTES.min((bytes.len() as u64).saturating_mul(MOST_BYTES_PER_BYTE));
     let is_exr = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
     let (size, texels) =
-        if is_exr { read_exr(path, most, report)? } else { read_srgb(path, &bytes, most)? };
+        if is_exr { read_exr(path, &bytes, report)? } else { read_srgb(path, &bytes)? };
     let no_pixels = || Error::image(path, "it has no pixels");
     Texture::of_file(size, texels, &bytes).ok_or_else(no_pixels)
 }
 
+/// The most memory that an image of these bytes may take.
+fn most_bytes(bytes: &[u8]) -> u64 {
+    MOST_BYTES.min((bytes.len() as u64).saturating_mul(MOST_BYTES_PER_BYTE))
+}
+
 /// Width and height, and the texels from the top.
-type Pixels = ([u32; 2], Vec<[f32; 3]>);
+pub(super) type Pixels = ([u32; 2], Vec<[f32; 3]>);
 
 /// PNG, JPEG, TGA or BMP: 8 or 16 bits, sRGB. Alpha is left out.
-fn read_srgb(path: &Path, bytes: &[u8], most_bytes: u64) -> Result<Pixels, Error> {
+fn read_srgb(path: &Path, bytes: &[u8]) -> Result<Pixels, Error> {
+    let image = decode(path, bytes)?;
+    let size = [image.width(), image.height()];
+    let deep = matches!(
+        image.color(),
+        ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16
+    );
+    Ok((size, if deep { decode_16(image) } else { decode_8(image) }))
+}
+
+/// PNG, JPEG, TGA or BMP.
+pub(super) fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage, Error> {
     let malformed = |error: image::ImageError| match error {
         image::ImageError::IoError(error) => Error::io(path, error),
         image::ImageError::Unsupported(_) => {
@@ -92,15 +109,9 @@ fn read_srgb(path: &Path, bytes: &[u8], most_bytes: u64) -> Result<Pixels, Error
     }
     let mut reader = reader.with_guessed_format().map_err(|error| Error::io(path, error))?;
     let mut limits = Limits::default();
-    limits.max_alloc = Some(most_bytes);
+    limits.max_alloc = Some(most_bytes(bytes));
     reader.limits(limits);
-    let image = reader.decode().map_err(malformed)?;
-    let size = [image.width(), image.height()];
-    let deep = matches!(
-        image.color(),
-        ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16
-    );
-    Ok((size, if deep { decode_16(image) } else { decode_8(image) }))
+    reader.decode().map_err(malformed)
 }
 
 fn decode_8(image: DynamicImage) -> Vec<[f32; 3]> {
@@ -114,15 +125,16 @@ fn decode_16(image: DynamicImage) -> Vec<[f32; 3]> {
 }
 
 /// IEC 61966-2-1.
-fn srgb_to_linear(x: f32) -> f32 {
+pub(super) fn srgb_to_linear(x: f32) -> f32 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
 /// The channels R, G and B, or Y, as they are.
-fn read_exr(path: &Path, most_bytes: u64, report: &mut Report) -> Result<Pixels, Error> {
+pub(super) fn read_exr(path: &Path, bytes: &[u8], report: &mut Report) -> Result<Pixels, Error> {
     let picture = Picture::open(path, None)?;
     let [width, height] = picture.size.map(u64::from);
-    if width * height * (size_of::<f32>() * picture.channel_names.len()) as u64 > most_bytes {
+    if width * height * (size_of::<f32>() * picture.channel_names.len()) as u64 > most_bytes(bytes)
+    {
         let message = format!(
             "{width} by {height} pixels are too many, for this program or for the file's length"
         );

@@ -3,10 +3,13 @@
 
 mod exact;
 mod files;
+mod glass;
 mod image;
 mod keys;
+mod maps;
 mod mtl;
 mod obj;
+mod opacity;
 mod polygon;
 mod ranges;
 mod report;
@@ -62,6 +65,7 @@ impl Scene {
         let (mut triangles, mut materials) = obj::load(path, &mut images, &mut report)?;
         let unit = Unit::of(&triangles);
         unit.scale(&mut triangles, &mut report);
+        unit.scale_bumps(&mut materials);
         drop_degenerate(path, &mut triangles, &mut report)?;
 
         let sidecar_path = path.with_extension("toml");
@@ -76,6 +80,8 @@ impl Scene {
                 framing_camera(&triangles)
             }
         };
+        glass::settle(&mut triangles, &mut materials, &mut report);
+        opacity::settle(&triangles, &mut materials, &mut report);
         let lit = triangles.iter().any(|t| materials[t.material as usize].emits());
         let environment = sidecar.environment.unwrap_or_else(|| {
             if lit {

@@ -17,7 +17,7 @@ use super::{
     text::{self, quoted},
     tidy::{WHOLE, tidy},
 };
-use crate::{Error, Material, Scattering, Triangle};
+use crate::{Error, Material, Triangle};
 
 /// Reflectance of triangles without a material: as light as white paint.
 const DEFAULT_COLOR: f32 = 0.8;
@@ -168,9 +168,6 @@ fn add_default_material(
     materials.push(Material {
         name: "default".to_owned(),
         color: Vec3A::splat(DEFAULT_COLOR),
-        color_texture: None,
-        emission: Vec3A::ZERO,
-        emission_texture: None,
-        scattering: Scattering::Lambert,
+        ..Material::default()
     });
 }

@@ -13,7 +13,7 @@ use super::{
     exact::{exponent, power_of_two},
     report::Report,
 };
-use crate::{Camera, Triangle};
+use crate::{Camera, Material, Relief, Triangle};
 
 /// The largest coordinate of a scene that stays as it is.
 const FINE: RangeInclusive<f32> = 1e-3..=1e6;
@@ -52,6 +52,15 @@ impl Unit {
             *position = self.scaled(*position);
         }
         report.note(format!("lengths scaled by 2^{}, so that areas fit f32", self.exponent));
+    }
+
+    /// Scales the heights of bump maps, which are lengths.
+    pub(super) fn scale_bumps(self, materials: &mut [Material]) {
+        for material in materials {
+            if let Some(Relief::Bumps { scale, .. }) = &mut material.relief {
+                *scale = self.scaled(Vec3A::X * *scale).x;
+            }
+        }
     }
 
     /// Scales a camera that came with the triangles, which are scaled already;
