@@ -31,10 +31,8 @@ fn cube(diffuse: Vec3A, emission: Vec3A, environment: Vec3A, position: Vec3A) ->
         materials: vec![Material {
             name: "wall".into(),
             color: diffuse,
-            color_texture: None,
             emission,
-            emission_texture: None,
-            scattering: Scattering::Lambert,
+            ..Material::default()
         }],
         camera: Camera { position, target: Vec3A::ZERO, up: Vec3A::Y, vertical_fov: 60.0 },
         size: [16, 16],

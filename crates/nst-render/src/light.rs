@@ -49,6 +49,8 @@ struct Emitter {
     /// Emitted radiance, not yet multiplied by the texture.
     radiance: Vec3,
     textured: bool,
+    /// Whether parts of it are not there.
+    cut_out: bool,
 }
 
 impl Emitter {
@@ -65,6 +67,7 @@ impl Emitter {
             pdf_area: (probability / area(triangle)) as f32,
             radiance: material.emission.into(),
             textured: material.emission_texture.is_some(),
+            cut_out: material.is_cut_out(),
         }
     }
 }
@@ -173,6 +176,11 @@ impl Lights {
                 emitter.radiance
             };
             samples.radiance.set(i, radiance);
+            if emitter.cut_out {
+                let opacity =
+                    scene.opacity(&scene.triangles[emitter.triangle as usize], barycentric);
+                samples.radiance.set(i, radiance * opacity);
+            }
         }
         for i in 0..PACKET {
             let (from, point) = (samples.rays.origin.get(i), chosen.point.get(i));
@@ -218,11 +226,21 @@ fn powers(scene: &Scene) -> Vec<(u32, f64)> {
         .collect()
 }
 
-/// The luminance that a material emits, the mean over its texture.
+/// The luminance that a material emits, the mean over its textures.
 fn mean_luminance(material: &Material) -> f64 {
-    let texels = material.emission_texture.as_ref().map_or(&[[1.0; 3]][..], |t| t.texels());
+    if !material.emits() {
+        return 0.0;
+    }
+    let texels = material.emission_texture.as_ref().map_or(&[[1.0; 3]][..], |t| t.image.texels());
     let emission = |&texel: &[f32; 3]| f64::from(luminance(material.emission * Vec3A::from(texel)));
-    texels.iter().map(emission).sum::<f64>() / texels.len() as f64
+    let luminance = texels.iter().map(emission).sum::<f64>() / texels.len() as f64;
+    luminance * mean_opacity(material)
+}
+
+fn mean_opacity(material: &Material) -> f64 {
+    let texels = material.opacity_texture.as_ref().map_or(&[[1.0; 3]][..], |t| t.image.texels());
+    let sum: f64 = texels.iter().map(|texel| f64::from(texel[0])).sum();
+    f64::from(material.opacity) * sum / texels.len() as f64
 }
 
 fn area(triangle: &Triangle) -> f64 {

@@ -1,10 +1,8 @@
 //! What surfaces are made of.
 
-use std::sync::Arc;
-
 use glam::Vec3A;
 
-use crate::Texture;
+use crate::TextureMap;
 
 /// A surface: how it scatters light, and what it emits.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,13 +12,36 @@ pub struct Material {
     /// Reflectance or base colour, linear RGB in [0, 1]; multiplies the texture if there is one.
     pub color: Vec3A,
     /// Reflectance over the surface.
-    pub color_texture: Option<Arc<Texture>>,
+    pub color_texture: Option<TextureMap>,
     /// Emitted radiance, linear RGB; nonzero makes the surface an area light that shines from both sides.
     pub emission: Vec3A,
     /// Emission over the surface; multiplies `emission`.
-    pub emission_texture: Option<Arc<Texture>>,
+    pub emission_texture: Option<TextureMap>,
+    /// Opacity in [0, 1]: the share of the light that meets the surface; the rest goes straight
+    /// through. Multiplies the texture if there is one.
+    pub opacity: f32,
+    /// Opacity over the surface, in all three channels alike.
+    pub opacity_texture: Option<TextureMap>,
+    /// Shading normals that differ from the surface's own.
+    pub relief: Option<Relief>,
     /// How the surface scatters light.
     pub scattering: Scattering,
+}
+
+/// Small shapes that only shading shows. They need texture coordinates, and look the same from
+/// both sides of the surface.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Relief {
+    /// Shading normals n as colours (n + 1) / 2, in the frame of the directions in which u and v
+    /// grow, and the surface's normal.
+    Normals(TextureMap),
+    /// Heights above the surface.
+    Bumps {
+        /// Heights, in all three channels alike.
+        map: TextureMap,
+        /// Multiplies them, in the scene's unit of length.
+        scale: f32,
+    },
 }
 
 /// How a surface scatters light.
@@ -34,6 +55,12 @@ pub enum Scattering {
     /// A smooth boundary between air and a medium that does not absorb.
     Dielectric {
         /// Index of refraction of the side that the geometric normal points away from.
+        ior: f32,
+    },
+    /// A pane of a medium that does not absorb, so thin that light comes out opposite to where it
+    /// went in; the same from both sides.
+    ThinDielectric {
+        /// Index of refraction of the medium.
         ior: f32,
     },
 }
@@ -77,7 +104,30 @@ impl Default for Disney {
     }
 }
 
+/// A surface without a name that reflects 80 % of the light in all directions, and emits none.
+impl Default for Material {
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            color: Vec3A::splat(0.8),
+            color_texture: None,
+            emission: Vec3A::ZERO,
+            emission_texture: None,
+            opacity: 1.0,
+            opacity_texture: None,
+            relief: None,
+            scattering: Scattering::Lambert,
+        }
+    }
+}
+
 impl Material {
+    /// Whether light goes straight through parts of the surface, or through all of it by chance.
+    #[must_use]
+    pub fn is_cut_out(&self) -> bool {
+        self.opacity < 1.0 || self.opacity_texture.is_some()
+    }
+
     /// Whether surfaces of this material are lights.
     #[must_use]
     pub fn emits(&self) -> bool {

@@ -155,6 +155,15 @@ impl Streams {
         values
     }
 
+    /// A number of sample `i`, uniform on [0, 1), that belongs to no dimension: for each
+    /// `dimension` and `event`, one that is independent of all others.
+    #[inline]
+    pub(crate) fn draw_aside(&self, i: usize, dimension: u32, event: u32) -> f32 {
+        // The complement, as in `fine_halton`: another key than that of any dimension.
+        let key = mix(!self.key[i] ^ u64::from(self.index[i]));
+        first(mix(key ^ (u64::from(dimension) << 32 | u64::from(event))))
+    }
+
     /// A dimension of each sample with twice as many digits, as a number of [`FINE_BITS`]
     /// bits: the first 24 are those of [`Self::draw_1d`].
     #[inline(always)]

@@ -6,7 +6,7 @@ use std::{path::PathBuf, sync::Arc};
 
 use glam::{Vec2, Vec3A};
 
-use crate::{Camera, Material, PixelFilter, Texture};
+use crate::{Camera, Material, PixelFilter, Texture, TextureMap};
 
 /// A triangle of the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +34,17 @@ impl Triangle {
         let (du, dv) = (b - a, c - a);
         let [p, q, r] = self.positions;
         ((q - p) * dv.y - (r - p) * du.y) * (du.x * dv.y - dv.x * du.y).signum()
+    }
+
+    /// How the position changes with u and with v; `None` where the texture coordinates do not say.
+    pub(crate) fn derivatives(&self) -> Option<[Vec3A; 2]> {
+        let [a, b, c] = self.uvs?;
+        let (du, dv) = (b - a, c - a);
+        let [p, q, r] = self.positions;
+        let inverse = 1.0 / (du.x * dv.y - dv.x * du.y);
+        let along_u = ((q - p) * dv.y - (r - p) * du.y) * inverse;
+        let along_v = ((r - p) * du.x - (q - p) * dv.x) * inverse;
+        (along_u.is_finite() && along_v.is_finite()).then_some([along_u, along_v])
     }
 
     /// The vector whose length is twice the area, along the geometric normal.
@@ -95,7 +106,7 @@ impl Scene {
     /// The radiance that a point of a triangle emits, to either side.
     pub(crate) fn emission(&self, triangle: &Triangle, barycentric: Vec2) -> Vec3A {
         let material = &self.materials[triangle.material as usize];
-        material.emission * textured(material.emission_texture.as_deref(), triangle, barycentric)
+        material.emission * textured(material.emission_texture.as_ref(), triangle, barycentric)
     }
 
     /// The reflectance or base colour of a point of the triangle of this index.
@@ -104,11 +115,18 @@ impl Scene {
         let triangle = &self.triangles[triangle as usize];
         let material = &self.materials[triangle.material as usize];
         let color =
-            material.color * textured(material.color_texture.as_deref(), triangle, barycentric);
+            material.color * textured(material.color_texture.as_ref(), triangle, barycentric);
         match colors {
             Some(colors) => color * interpolate(colors.map(Vec3A::from), barycentric),
             None => color,
         }
+    }
+
+    /// The opacity of a point of a triangle.
+    pub(crate) fn opacity(&self, triangle: &Triangle, barycentric: Vec2) -> f32 {
+        let material = &self.materials[triangle.material as usize];
+        let texture = material.opacity_texture.as_ref();
+        material.opacity * textured(texture, triangle, barycentric).x
     }
 
     /// The largest coordinate: rounding is relative to it, for rays that leave surfaces.
@@ -133,7 +151,7 @@ where
 }
 
 /// What a texture says there; white without one, or without texture coordinates.
-fn textured(texture: Option<&Texture>, triangle: &Triangle, barycentric: Vec2) -> Vec3A {
+fn textured(texture: Option<&TextureMap>, triangle: &Triangle, barycentric: Vec2) -> Vec3A {
     match (texture, triangle.uvs) {
         (Some(texture), Some(uvs)) => texture.sample(interpolate(uvs, barycentric)),
         _ => Vec3A::ONE,

@@ -1,9 +1,80 @@
 //! Images over surfaces.
 
+use std::sync::Arc;
+
 use glam::{Vec2, Vec3A};
 use sha2::{Digest, Sha256};
 
-/// A linear RGB image.
+/// How an image lies on surfaces: the colour at a texture coordinate t is that of the image at
+/// t · `scale` + `offset`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TextureMap {
+    /// The image.
+    pub image: Arc<Texture>,
+    /// How often the image is repeated where u and v grow by 1; finite.
+    pub scale: Vec2,
+    /// Where the image is at u = v = 0; finite.
+    pub offset: Vec2,
+    /// Whether there is one copy of the image, whose edges go on for ever; else it repeats.
+    pub clamp: bool,
+}
+
+impl From<Arc<Texture>> for TextureMap {
+    /// The image as it is.
+    fn from(image: Arc<Texture>) -> Self {
+        Self { image, scale: Vec2::ONE, offset: Vec2::ZERO, clamp: false }
+    }
+}
+
+impl TextureMap {
+    /// The colour at a texture coordinate, interpolated between texel centres.
+    #[must_use]
+    pub fn sample(&self, uv: Vec2) -> Vec3A {
+        self.patch(uv).sample()
+    }
+
+    /// How fast the first channel of [`Self::sample`] grows with u and with v.
+    #[must_use]
+    pub fn gradient(&self, uv: Vec2) -> Vec2 {
+        let patch = self.patch(uv);
+        let texel = |column, row| patch.texel(column, row).x;
+        let Vec2 { x, y } = patch.fraction;
+        let [left, right] = [0, 1].map(|column| [texel(column, 0), texel(column, 1)]);
+        let across = (right[0] - left[0]) * (1.0 - y) + (right[1] - left[1]) * y;
+        let down = (left[1] - left[0]) * (1.0 - x) + (right[1] - right[0]) * x;
+        let [width, height] = self.image.size.map(|size| size as f32);
+        Vec2::new(across * width, -down * height) * self.scale
+    }
+
+    fn patch(&self, uv: Vec2) -> Patch<'_> {
+        self.image.patch(uv * self.scale + self.offset, self.clamp)
+    }
+}
+
+/// The four texels about a point.
+struct Patch<'a> {
+    texture: &'a Texture,
+    columns: [usize; 2],
+    rows: [usize; 2],
+    /// Where the point is between the first and the second of them.
+    fraction: Vec2,
+}
+
+impl Patch<'_> {
+    fn texel(&self, column: usize, row: usize) -> Vec3A {
+        let index = self.rows[row] * self.texture.size[0] as usize + self.columns[column];
+        Vec3A::from(self.texture.texels[index])
+    }
+
+    fn sample(&self) -> Vec3A {
+        let Vec2 { x, y } = self.fraction;
+        let top = self.texel(0, 0).lerp(self.texel(1, 0), x);
+        let bottom = self.texel(0, 1).lerp(self.texel(1, 1), x);
+        top.lerp(bottom, y)
+    }
+}
+
+/// An RGB image; linear if it contains colours.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     size: [u32; 2],
@@ -29,6 +100,21 @@ impl Texture {
     /// The image that the bytes of a file were decoded to; `None` as in [`Self::new`].
     pub(crate) fn of_file(size: [u32; 2], texels: Vec<[f32; 3]>, file: &[u8]) -> Option<Self> {
         let digest = Sha256::new_with_prefix("file").chain_update(file).finalize();
+        Self::with_digest(size, texels, digest.into())
+    }
+
+    /// The numbers that `decoding` makes of the bytes of a file; `None` as in [`Self::new`].
+    pub(crate) fn of_decoding(
+        size: [u32; 2],
+        texels: Vec<[f32; 3]>,
+        file: &[u8],
+        decoding: &str,
+    ) -> Option<Self> {
+        let digest = Sha256::new_with_prefix("decoding")
+            .chain_update((decoding.len() as u64).to_le_bytes())
+            .chain_update(decoding)
+            .chain_update(file)
+            .finalize();
         Self::with_digest(size, texels, digest.into())
     }
 
@@ -66,18 +152,28 @@ impl Texture {
     /// The colour at `uv`, interpolated between texel centres; it repeats beyond [0, 1]², and v points up.
     #[must_use]
     pub fn sample(&self, uv: Vec2) -> Vec3A {
+        self.patch(uv, false).sample()
+    }
+
+    /// Beyond [0, 1]² the image repeats, or, with `clamp`, the texels at its edges do.
+    fn patch(&self, uv: Vec2, clamp: bool) -> Patch<'_> {
         let [width, height] = self.size;
         let x = uv.x * width as f32 - 0.5;
         let y = (1.0 - uv.y) * height as f32 - 0.5;
-        let (fx, fy) = (x - x.floor(), y - y.floor());
-        let texel = |dx: i64, dy: i64| {
-            let column = (x.floor() as i64 + dx).rem_euclid(i64::from(width));
-            let row = (y.floor() as i64 + dy).rem_euclid(i64::from(height));
-            Vec3A::from(self.texels[(row * i64::from(width) + column) as usize])
+        let fraction = Vec2::new(x - x.floor(), y - y.floor());
+        let place = |first: f32, size: u32| {
+            [0, 1].map(|step| {
+                let (place, size) = ((first as i64).saturating_add(step), i64::from(size));
+                let place = if clamp { place.clamp(0, size - 1) } else { place.rem_euclid(size) };
+                place as usize
+            })
         };
-        let top = texel(0, 0).lerp(texel(1, 0), fx);
-        let bottom = texel(0, 1).lerp(texel(1, 1), fx);
-        top.lerp(bottom, fy)
+        Patch {
+            texture: self,
+            columns: place(x.floor(), width),
+            rows: place(y.floor(), height),
+            fraction,
+        }
     }
 }
 

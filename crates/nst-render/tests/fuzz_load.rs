@@ -221,8 +221,10 @@ fn check(scene: &Scene) -> Result<(), TestCaseError> {
         let [color, emission] = [material.color, material.emission];
         prop_assert!(color.is_finite() && color.min_element() >= 0.0 && color.max_element() <= 1.0);
         prop_assert!(emission.is_finite() && emission.min_element() >= 0.0);
-        prop_assert!(material.color_texture.iter().all(|t| texture(t, 1.0)));
-        prop_assert!(material.emission_texture.iter().all(|t| texture(t, f32::MAX)));
+        prop_assert!(material.color_texture.iter().all(|t| texture(&t.image, 1.0)));
+        prop_assert!(material.emission_texture.iter().all(|t| texture(&t.image, f32::MAX)));
+        prop_assert!((0.0..=1.0).contains(&material.opacity));
+        prop_assert!(material.opacity_texture.iter().all(|t| texture(&t.image, 1.0)));
     }
     let camera = &scene.camera;
     let forward = camera.target - camera.position;

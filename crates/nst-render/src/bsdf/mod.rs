@@ -19,6 +19,7 @@ mod frame;
 pub(crate) mod lambert;
 mod microfacet;
 mod sample;
+mod thin;
 
 #[cfg(test)]
 mod chi2;
@@ -38,6 +39,7 @@ pub(crate) use {
     disney::{DisneyBsdf, PreparedDisney},
     frame::Frame,
     sample::BsdfSample,
+    thin::ThinDielectric,
 };
 
 /// What a material's scattering needs at every hit, computed once per material.
@@ -46,6 +48,7 @@ pub(crate) enum Prepared {
     Lambert,
     Disney(Box<PreparedDisney>),
     Dielectric(Dielectric),
+    ThinDielectric(ThinDielectric),
 }
 
 /// The scattering at one point of a surface.
@@ -54,6 +57,7 @@ pub(crate) enum Bsdf<'a> {
     Lambert { reflectance: Vec3A },
     Disney(DisneyBsdf<'a>),
     Dielectric(Dielectric),
+    ThinDielectric(ThinDielectric),
 }
 
 impl Prepared {
@@ -76,6 +80,7 @@ impl Prepared {
                 Self::Disney(Box::new(PreparedDisney::new(&parameters, colors(material, factors))))
             }
             Scattering::Dielectric { ior } => Self::Dielectric(Dielectric::new(ior)),
+            Scattering::ThinDielectric { ior } => Self::ThinDielectric(ThinDielectric::new(ior)),
         }
     }
 
@@ -87,6 +92,7 @@ impl Prepared {
             Self::Lambert => Bsdf::Lambert { reflectance: color },
             Self::Disney(disney) => Bsdf::Disney(disney.at(color)),
             Self::Dielectric(dielectric) => Bsdf::Dielectric(*dielectric),
+            Self::ThinDielectric(pane) => Bsdf::ThinDielectric(*pane),
         }
     }
 }
@@ -94,7 +100,7 @@ impl Prepared {
 /// Colours whose convex hull contains every colour of the material, or whose brightest and
 /// purest are as bright and as pure.
 fn colors(material: &Material, factors: &[Vec3A]) -> impl Iterator<Item = Vec3A> {
-    let texels = material.color_texture.as_ref().map_or(&[[1.0; 3]][..], |t| t.texels());
+    let texels = material.color_texture.as_ref().map_or(&[[1.0; 3]][..], |t| t.image.texels());
     texels.iter().flat_map(move |&texel| {
         factors.iter().map(move |factor| material.color * Vec3A::from(texel) * factor)
     })
@@ -124,7 +130,7 @@ impl Bsdf<'_> {
                 (*reflectance * pdf, pdf)
             }
             Self::Disney(disney) => disney.eval_pdf(wo, wi),
-            Self::Dielectric(_) => (Vec3A::ZERO, 0.0),
+            Self::Dielectric(_) | Self::ThinDielectric(_) => (Vec3A::ZERO, 0.0),
         }
     }
 
@@ -140,12 +146,13 @@ impl Bsdf<'_> {
             }
             Self::Disney(disney) => disney.sample(wo, u, u2),
             Self::Dielectric(dielectric) => dielectric.sample(wo, u),
+            Self::ThinDielectric(pane) => pane.sample(wo, u),
         }
     }
 
     /// Whether every sample is a delta sample, so that light sampling finds nothing.
     #[inline]
     pub(crate) fn is_delta(&self) -> bool {
-        matches!(self, Self::Dielectric(_))
+        matches!(self, Self::Dielectric(_) | Self::ThinDielectric(_))
     }
 }

@@ -18,14 +18,7 @@ const COUNT: u32 = 20_000;
 const COLOR: Vec3A = Vec3A::new(0.9, 0.5, 0.2);
 
 fn material(color: Vec3A, scattering: Scattering) -> Material {
-    Material {
-        name: String::new(),
-        color,
-        color_texture: None,
-        emission: Vec3A::ZERO,
-        emission_texture: None,
-        scattering,
-    }
+    Material { color, scattering, ..Material::default() }
 }
 
 fn disney(parameters: Disney) -> Prepared {
@@ -199,7 +192,7 @@ fn colours_at_the_limits() {
     let texels = vec![[0.5; 3], [0.0, 0.0, 0.3], [1.0; 3], [0.0; 3]];
     let texture = Texture::new([2, 2], texels).expect("four texels");
     let mut textured = material(Vec3A::ONE, Scattering::Disney(cloth));
-    textured.color_texture = Some(Arc::new(texture));
+    textured.color_texture = Some(Arc::new(texture).into());
     let prepared = Prepared::new(&textured);
     for color in [Vec3A::ONE, Vec3A::new(0.0, 0.0, 0.3), Vec3A::new(0.3, 0.3, 0.35), Vec3A::ZERO] {
         for theta in [10.0, 60.0, 85.0] {

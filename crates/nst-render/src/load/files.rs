@@ -124,32 +124,6 @@ fn slashes_of_two_bytes(name: &str) -> String {
     without_quotes(name).chars().map(part).collect()
 }
 
-/// Drops options such as `-s 1 1 1` in front of a file's name, which may have spaces.
-pub(super) fn without_options(text: &str) -> &str {
-    let word = |text: &str| text.split_whitespace().next().unwrap_or_default().len();
-    let mut rest = text;
-    loop {
-        let option = &rest[..word(rest)];
-        let arguments = match option {
-            "-blendu" | "-blendv" | "-bm" | "-boost" | "-cc" | "-clamp" | "-imfchan"
-            | "-texres" | "-type" => 1,
-            "-mm" => 2,
-            "-o" | "-s" | "-t" => 3,
-            _ => return rest,
-        };
-        rest = rest[option.len()..].trim_start();
-        for _ in 0..arguments {
-            let argument = &rest[..word(rest)];
-            // The second and third number of -o, -s and -t may be left out: what is no
-            // number is then the name.
-            if arguments == 3 && argument.parse::<f32>().is_err() {
-                break;
-            }
-            rest = rest[argument.len()..].trim_start();
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -247,21 +221,5 @@ mod tests {
         std::fs::write(folder.path().join(bytes), "").expect("a file");
         let found = find(&folder.path().join("x.mtl"), "\u{95}\\.png", &mut Report::default());
         assert_eq!(found, folder.path().join(bytes));
-    }
-
-    #[test]
-    fn options_are_dropped() {
-        let name = "2 woods.png";
-        let options = ["", "-s 1 1 1 ", "-o 0.5 -clamp on ", "-mm 0 1 -bm .5  ", "-imfchan r "];
-        for option in &options[..2] {
-            assert_eq!(without_options(&format!("{option}{name}")), name);
-        }
-        for option in options {
-            assert_eq!(without_options(&format!("{option}a b.png")), "a b.png");
-        }
-        for nothing in ["", "-s", "-s 1 1 1", "-mm 0"] {
-            assert_eq!(without_options(nothing), "");
-        }
-        assert_eq!(without_options("-unknown a.png"), "-unknown a.png");
     }
 }

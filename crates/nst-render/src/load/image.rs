@@ -12,8 +12,10 @@ use std::{
 
 use nst_files::header::is_exr;
 
+pub(super) use pixels::srgb_to_linear;
+
 use super::{ranges::RADIANCE, report::Report};
-use crate::{Error, Texture, color::luminance};
+use crate::{Error, Texture};
 
 /// The most memory that one image may take: 2 GiB, some 13,000 by 13,000 pixels of RGB in f32.
 const MOST_BYTES: u64 = 1 << 31;
@@ -24,29 +26,44 @@ const MOST_BYTES_PER_BYTE: u64 = 1 << 16;
 /// infinities in images come from numbers too large for f16.
 const LARGEST_HALF: f32 = 65504.0;
 
-/// What an image is read for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+/// How the numbers of a file are to be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Purpose {
-    Radiance,
-    Reflectance,
-    Raw,
-    Opacity,
+    /// As linear colours.
+    Colors,
+    /// As they are, with alpha; those of 8 and 16 bits become 0 to 1.
+    Numbers,
 }
 
-/// What a file contains: linear RGB, or the file's own numbers; and alpha, if it was asked
-/// for and is there.
+/// What a file contains.
 struct Pixels {
     /// Width and height.
     size: [u32; 2],
     /// Rows from the top.
     texels: Vec<[f32; 3]>,
+    /// If it was asked for and is there.
     alpha: Option<Vec<f32>>,
+    /// Whether the numbers of the file are linear colours; else sRGB.
+    is_linear: bool,
 }
 
-/// The images of a scene; each file is read once for each purpose.
+/// The numbers of an image file, without decoding.
+pub(super) struct Numbers {
+    /// Width and height.
+    pub(super) size: [u32; 2],
+    /// Finite; rows from the top.
+    pub(super) texels: Vec<[f32; 3]>,
+    pub(super) alpha: Option<Vec<f32>>,
+    /// Whether they would be linear colours; else sRGB.
+    pub(super) is_linear: bool,
+    /// The file.
+    pub(super) bytes: Vec<u8>,
+}
+
+/// The images of a scene, by file and by what is made of it: each is made once.
 #[derive(Default)]
 pub(super) struct Images {
-    loaded: HashMap<(PathBuf, Purpose), Arc<Texture>>,
+    made: HashMap<(PathBuf, String), Arc<Texture>>,
 }
 
 impl Images {
@@ -56,12 +73,11 @@ impl Images {
         path: &Path,
         report: &mut Report,
     ) -> Result<Arc<Texture>, Error> {
-        self.texture(
-            path,
-            Purpose::Radiance,
-            |report| read(path, Purpose::Radiance, report),
-            report,
-        )
+        self.once(path, "radiance", || {
+            let (Pixels { size, mut texels, .. }, bytes) = read(path, Purpose::Colors, report)?;
+            tidy(path, size, &mut texels, Purpose::Colors, report)?;
+            Texture::of_file(size, texels, &bytes).ok_or_else(|| no_pixels(path))
+        })
     }
 
     /// An image of reflectance: texels are within 0 and 1.
@@ -74,86 +90,61 @@ impl Images {
         if radiance.texels().iter().flatten().all(|&x| x <= 1.0) {
             return Ok(radiance);
         }
-        let limited = |report: &mut Report| {
+        self.once(path, "reflectance", || {
             report.note(format!("texels of '{}' limited to 1", path.display()));
             Ok(radiance.limited())
-        };
-        self.texture(path, Purpose::Reflectance, limited, report)
+        })
     }
 
-    /// An image of other numbers than colours, as normals are: those of the file, without
-    /// decoding. 8 and 16 bits become 0 to 1; texels of EXR may be negative. All are finite.
-    #[allow(dead_code)] // Until a material has such a texture.
-    pub(super) fn raw(&mut self, path: &Path, report: &mut Report) -> Result<Arc<Texture>, Error> {
-        self.texture(path, Purpose::Raw, |report| read(path, Purpose::Raw, report), report)
-    }
-
-    /// How opaque a surface is, as greys within 0 and 1: the file's alpha, or else the
-    /// luminance of its numbers without decoding. Alpha that is 1 everywhere, beside greys,
-    /// is no mask; the greys are.
-    #[allow(dead_code)] // Until a material has such a texture.
-    pub(super) fn opacity(
+    /// What is made of a file; by `make` the first time, and named by `what`.
+    pub(super) fn once(
         &mut self,
         path: &Path,
-        report: &mut Report,
+        what: &str,
+        make: impl FnOnce() -> Result<Texture, Error>,
     ) -> Result<Arc<Texture>, Error> {
-        self.texture(path, Purpose::Opacity, |report| read(path, Purpose::Opacity, report), report)
-    }
-
-    /// The texture of a file for a purpose, by `make` the first time.
-    fn texture(
-        &mut self,
-        path: &Path,
-        purpose: Purpose,
-        make: impl FnOnce(&mut Report) -> Result<Texture, Error>,
-        report: &mut Report,
-    ) -> Result<Arc<Texture>, Error> {
-        let key = (path.to_owned(), purpose);
-        if let Some(texture) = self.loaded.get(&key) {
+        let key = (path.to_owned(), what.to_owned());
+        if let Some(texture) = self.made.get(&key) {
             return Ok(texture.clone());
         }
-        let texture = Arc::new(make(report)?);
-        self.loaded.insert(key, texture.clone());
+        let texture = Arc::new(make()?);
+        self.made.insert(key, texture.clone());
         Ok(texture)
     }
 }
 
-fn read(path: &Path, purpose: Purpose, report: &mut Report) -> Result<Texture, Error> {
+/// The numbers of a file that are no colours, as normals are, or not in the usual form.
+pub(super) fn numbers(path: &Path, report: &mut Report) -> Result<Numbers, Error> {
+    let (pixels, bytes) = read(path, Purpose::Numbers, report)?;
+    let Pixels { size, mut texels, alpha, is_linear } = pixels;
+    tidy(path, size, &mut texels, Purpose::Numbers, report)?;
+    Ok(Numbers { size, texels, alpha, is_linear, bytes })
+}
+
+pub(super) fn no_pixels(path: &Path) -> Error {
+    Error::image(path, "it has no pixels")
+}
+
+/// The pixels of a file, and its bytes.
+fn read(path: &Path, purpose: Purpose, report: &mut Report) -> Result<(Pixels, Vec<u8>), Error> {
     let bytes = report.read(path)?;
     let most = MOST_BYTES.min((bytes.len() as u64).saturating_mul(MOST_BYTES_PER_BYTE));
     let ends_in_exr = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("exr"));
     // What a file starts with counts more than its name.
-    let mut pixels = if rgbe::is_radiance(&bytes) {
+    let pixels = if rgbe::is_radiance(&bytes) {
         rgbe::read(path, &bytes, most, report)?
     } else if ends_in_exr || is_exr(path)? {
         openexr::read(path, most, purpose)?
     } else {
         pixels::read(path, &bytes, most, purpose)?
     };
-    if purpose == Purpose::Opacity {
-        pixels.texels = opacity(pixels.texels, pixels.alpha);
-    }
-    tidy(path, pixels.size, &mut pixels.texels, purpose, report)?;
-    let no_pixels = || Error::image(path, "it has no pixels");
-    Texture::of_file(pixels.size, pixels.texels, &bytes).ok_or_else(no_pixels)
-}
-
-/// See [`Images::opacity`].
-fn opacity(texels: Vec<[f32; 3]>, alpha: Option<Vec<f32>>) -> Vec<[f32; 3]> {
-    let is_mask = |alpha: &Vec<f32>| {
-        let grey = texels.iter().all(|[r, g, b]| r == g && g == b);
-        !grey || alpha.iter().any(|&a| a != 1.0)
-    };
-    match alpha.filter(is_mask) {
-        Some(alpha) => alpha.into_iter().map(|a| [a; 3]).collect(),
-        None => texels.into_iter().map(|texel| [luminance(texel.into()); 3]).collect(),
-    }
+    Ok((pixels, bytes))
 }
 
 /// Whether a number is of a kind that no image should have.
 type IsFault = fn(f32) -> bool;
 
-/// Makes all texels finite numbers of the purpose's range.
+/// Makes all texels finite numbers; of colours, not negative ones.
 fn tidy(
     path: &Path,
     size: [u32; 2],
@@ -162,11 +153,7 @@ fn tidy(
     report: &mut Report,
 ) -> Result<(), Error> {
     let most = *RADIANCE.end();
-    let (least, most) = match purpose {
-        Purpose::Radiance | Purpose::Reflectance => (0.0, most),
-        Purpose::Raw => (-most, most),
-        Purpose::Opacity => (0.0, 1.0),
-    };
+    let least = if purpose == Purpose::Colors { 0.0 } else { -most };
     if texels.iter().flatten().all(|x| (least..=most).contains(x)) {
         return Ok(());
     }
@@ -188,7 +175,7 @@ fn tidy(
         };
         report.forgive_texels(kind, path, count, fault)?;
     }
-    if purpose != Purpose::Raw {
+    if purpose == Purpose::Colors {
         let negative = texels.iter().filter(|texel| texel.iter().any(|&x| x < 0.0)).count();
         if negative > 0 {
             report.note(format!("negative texels of '{}', set to 0: {negative}", path.display()));
@@ -206,7 +193,7 @@ fn tidy(
 
 #[cfg(test)]
 mod tests {
-    use exr::prelude::{write_rgb_file, write_rgba_file};
+    use exr::prelude::write_rgb_file;
 
     use super::*;
 
@@ -273,52 +260,6 @@ mod tests {
         assert_eq!((report.notes().len(), report.inputs), (2, vec![path]));
     }
 
-    /// Masks as programs write them: in alpha, in greys, or in greys with alpha that says nothing.
-    #[test]
-    fn numbers_and_opacity_are_not_decoded() {
-        let folder = folder();
-        let path = |name: &str| folder.path().join(name);
-        let (mut images, mut report) = (Images::default(), Report::default());
-        let rgb = |r, g, b| image::Rgb([r, g, b]);
-        image::RgbImage::from_pixel(1, 1, rgb(0, 51, 255)).save(&path("rgb.png")).expect("a file");
-        let raw = images.raw(&path("rgb.png"), &mut report).expect("a texture");
-        assert_eq!(raw.texels(), [[0.0, 0.2, 1.0]]);
-        let color = images.radiance(&path("rgb.png"), &mut report).expect("a texture");
-        assert!(color.texels()[0][1] < 0.04, "a color is decoded");
-        let deep = image::ImageBuffer::from_pixel(1, 1, image::Rgb([13107_u16, 0, 65535]));
-        deep.save(&path("deep.png")).expect("a file");
-        let raw = images.raw(&path("deep.png"), &mut report).expect("a texture");
-        assert_eq!(raw.texels(), [[0.2, 0.0, 1.0]]);
-
-        let mut opacity = |name: &str| {
-            let texture = images.opacity(&path(name), &mut report).expect(name);
-            texture.texels().iter().map(|texel| texel[1]).collect::<Vec<_>>()
-        };
-        // 0.2126 · 0 + 0.7152 · 0.2 + 0.0722 · 1, rounded.
-        assert!((opacity("rgb.png")[0] - 0.215_24).abs() < 1e-6);
-        let rgba = |name: &str, pixels: [[u8; 4]; 2]| {
-            let image = image::RgbaImage::from_vec(2, 1, pixels.concat()).expect("two pixels");
-            image.save(path(name)).expect("a file");
-        };
-        rgba("alpha.png", [[255, 0, 0, 255], [9, 9, 9, 51]]);
-        assert_eq!(opacity("alpha.png"), [1.0, 0.2]);
-        rgba("clear.png", [[9, 9, 9, 0], [9, 9, 9, 0]]);
-        assert_eq!(opacity("clear.png"), [0.0, 0.0]);
-        rgba("grey.png", [[255, 255, 255, 255], [51, 51, 51, 255]]);
-        let grey = opacity("grey.png");
-        assert!((grey[0] - 1.0).abs() < 1e-6 && (grey[1] - 0.2).abs() < 1e-6, "{grey:?}");
-        rgba("wood.png", [[200, 100, 50, 255], [180, 90, 40, 255]]);
-        assert_eq!(opacity("wood.png"), [1.0, 1.0]);
-        write_rgba_file(path("a.exr"), 2, 1, |x, _| (0.5_f32, 0.5_f32, 0.5_f32, x as f32 * 0.25))
-            .expect("an EXR file");
-        assert_eq!(opacity("a.exr"), [0.0, 0.25]);
-        write_rgb_file(path("b.exr"), 2, 1, |x, _| (-0.5_f32, 2.0 * x as f32, 7.0_f32))
-            .expect("an EXR file");
-        let raw = images.raw(&path("b.exr"), &mut report).expect("a texture");
-        assert_eq!(raw.texels(), [[-0.5, 0.0, 7.0], [-0.5, 2.0, 7.0]]);
-        assert!(report.notes().is_empty(), "{:?}", report.notes());
-    }
-
     /// What is no finite number becomes one, with a note of each kind for all images.
     #[test]
     fn texels_become_finite_numbers() {
@@ -336,8 +277,10 @@ mod tests {
         };
         assert_eq!(red("a.exr", Images::radiance)[6..], [0.0, 0.0, 3.0, 1e15, 0.0, 1e15]);
         assert_eq!(red("a.exr", Images::reflectance)[6..], [0.0, 0.0, 1.0, 1.0, 0.0, 1.0]);
-        assert_eq!(red("a.exr", Images::raw)[6..], [0.0, -2.0, 3.0, 1e15, -1e15, 1e15]);
         assert_eq!(red("b.exr", Images::radiance), [65504.0]);
+        let raw = numbers(&path("a.exr"), &mut report).expect("numbers");
+        let raw: Vec<_> = raw.texels[6..].iter().map(|texel| texel[0]).collect();
+        assert_eq!(raw, [0.0, -2.0, 3.0, 1e15, -1e15, 1e15]);
         let expected = [
             "texels that are not a number, set to 0: 2 (the first: a.exr, the pixel at column 0, \
              row 1 is [NaN, 1.0, 1.0])",

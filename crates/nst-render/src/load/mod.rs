@@ -3,10 +3,13 @@
 
 mod exact;
 mod files;
+mod glass;
 mod image;
 mod keys;
+mod maps;
 mod mtl;
 mod obj;
+mod opacity;
 mod place;
 mod polygon;
 mod ranges;
@@ -64,8 +67,11 @@ impl Scene {
         let mut images = Images::default();
         let Loaded { mut triangles, mut vertex_colors, mut materials, placement } =
             obj::load(path, &mut images, &mut report)?;
+        placement.scale_bumps(&mut materials);
         let sidecar_path = path.with_extension("toml");
         let sidecar = Sidecar::read(&sidecar_path, &mut materials, &mut images, &mut report)?;
+        glass::settle(&mut triangles, &mut materials, &mut report);
+        opacity::settle(&triangles, &mut materials, &mut report);
         let size = options.size.or(sidecar.size).unwrap_or(DEFAULT_SIZE);
         let aspect = f64::from(size[0]) / f64::from(size[1]);
         let view = options.view.or(sidecar.view);

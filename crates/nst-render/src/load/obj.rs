@@ -19,7 +19,7 @@ use super::{
     text::{self, Text, error_at, quoted, without_comment},
     units::Placement,
 };
-use crate::{Error, Material, Scattering, Triangle};
+use crate::{Error, Material, Triangle};
 
 use self::{
     colors::{Colors, GREY},
@@ -135,12 +135,5 @@ fn default_material(unknown: &[&str], colored: bool, report: &mut Report) -> Mat
         note += &format!(", or one that no MTL file has ({}{more})", names.join(", "));
     }
     report.note(note);
-    Material {
-        name: "default".to_owned(),
-        color: Vec3A::splat(color),
-        color_texture: None,
-        emission: Vec3A::ZERO,
-        emission_texture: None,
-        scattering: Scattering::Lambert,
-    }
+    Material { name: "default".to_owned(), color: Vec3A::splat(color), ..Material::default() }
 }

@@ -22,7 +22,11 @@ const LAMPS: usize = 8;
 pub(super) fn closed_room(triangles: &[Triangle], materials: &[Material]) -> Option<String> {
     let is_wall = |triangle: &&Triangle| {
         let material = &materials[triangle.material as usize];
-        !material.emits() && !matches!(material.scattering, Scattering::Dielectric { .. })
+        let is_glass = matches!(
+            material.scattering,
+            Scattering::Dielectric { .. } | Scattering::ThinDielectric { .. }
+        );
+        !(material.emits() || material.is_cut_out() || is_glass)
     };
     let walls: Vec<_> = triangles.iter().filter(is_wall).collect();
     let lamps: Vec<_> =
@@ -90,14 +94,7 @@ mod tests {
     use super::*;
 
     fn material(emission: f32) -> Material {
-        Material {
-            name: String::new(),
-            color: Vec3A::ONE,
-            color_texture: None,
-            emission: Vec3A::splat(emission),
-            emission_texture: None,
-            scattering: Scattering::Lambert,
-        }
+        Material { emission: Vec3A::splat(emission), ..Material::default() }
     }
 
     /// The sides of a box about the origin; normals point outwards.

@@ -16,7 +16,7 @@ use std::{
 
 use glam::{DVec2, DVec3, Vec3A};
 
-use crate::{Camera, Environment, Material, Scattering, Texture, Triangle, scene::bounds};
+use crate::{Camera, Environment, Material, Texture, Triangle, scene::bounds};
 
 /// Light that a scene is given, instead of an environment of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,10 +122,8 @@ impl Stage<'_> {
         self.materials.push(Material {
             name: lamp.name.to_owned(),
             color: Vec3A::ZERO,
-            color_texture: None,
             emission: Vec3A::splat((lamp.light * PI / (side * side)) as f32),
-            emission_texture: None,
-            scattering: Scattering::Lambert,
+            ..Material::default()
         });
     }
 

@@ -2,6 +2,7 @@
 
 mod far;
 mod lenient;
+mod materials;
 mod oracle;
 mod told;
 mod vertex_colors;
@@ -166,9 +167,9 @@ fn textures_are_shared_and_lie_right_side_up() {
     image.save(folder.path().join("my maps/red top.png")).expect("an image");
     let scene = Scene::load(&folder.path().join("x.obj")).expect("a good scene");
     let texture = |name| material(&scene, name).color_texture.clone().expect(name);
-    assert!(Arc::ptr_eq(&texture("a"), &texture("b")));
-    assert_eq!(texture("a").sample(Vec2::new(0.5, 0.75)), Vec3A::X);
-    assert_eq!(texture("a").sample(Vec2::new(0.5, 0.25)), Vec3A::ZERO);
+    assert!(Arc::ptr_eq(&texture("a").image, &texture("b").image));
+    assert_eq!(texture("a").image.sample(Vec2::new(0.5, 0.75)), Vec3A::X);
+    assert_eq!(texture("a").image.sample(Vec2::new(0.5, 0.25)), Vec3A::ZERO);
     assert_eq!(scene.triangles[0].uvs, Some([Vec2::ZERO, Vec2::X, Vec2::Y]));
     assert_eq!(material(&scene, "a").color, Vec3A::splat(0.5));
 }
@@ -244,8 +245,9 @@ fn overrides_by_name() {
     assert_eq!(disney("wall"), Disney { metallic: 1.0, ..Default::default() });
     let expected = Disney { roughness: 0.1, metallic: 0.7, clearcoat: 0.5, ..Default::default() };
     assert_eq!(disney("shiny"), expected);
+    // A sheet of glass is a thin pane.
     let glass = with_sidecar("[materials.a]\nior = 1.33").expect("a good scene");
-    assert_eq!(material(&glass, "a").scattering, Scattering::Dielectric { ior: 1.33 });
+    assert_eq!(material(&glass, "a").scattering, Scattering::ThinDielectric { ior: 1.33 });
 }
 
 /// Every key that the check of names lets through is one that is read.

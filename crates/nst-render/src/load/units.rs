@@ -14,7 +14,7 @@ use super::{
     exact::{exponent, power_of_two},
     report::Report,
 };
-use crate::{Camera, Triangle};
+use crate::{Camera, Material, Relief, Triangle};
 
 /// The largest coordinate of a scene that stays as it is.
 const FINE: RangeInclusive<f32> = 1e-3..=1e6;
@@ -76,6 +76,15 @@ impl Placement {
             *position = (position.as_dvec3() * unit).as_vec3a();
         }
         report.note(format!("lengths scaled by 2^{}, so that areas fit f32", self.exponent));
+    }
+
+    /// Scales the heights of bump maps, which are lengths.
+    pub(super) fn scale_bumps(&self, materials: &mut [Material]) {
+        for material in materials {
+            if let Some(Relief::Bumps { scale, .. }) = &mut material.relief {
+                *scale = (f64::from(*scale) * power_of_two(self.exponent)) as f32;
+            }
+        }
     }
 
     /// Where a point of the file is in the scene.

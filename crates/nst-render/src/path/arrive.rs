@@ -65,6 +65,11 @@ impl PathTracer<'_> {
         } else {
             facet.normal
         };
+        let shading = if facet.relief {
+            self.relief_normal(index, barycentric, direction, shading)
+        } else {
+            shading
+        };
         points.shading.set(i, shading);
         points.wo.set(i, -direction);
         let color = if facet.textured {

@@ -6,6 +6,8 @@
 //! No path's numbers depend on its neighbours.
 
 mod arrive;
+mod cut_outs;
+mod relief;
 mod scatter;
 mod tracer;
 mod wave;
@@ -90,7 +92,11 @@ impl Kernel for Trace<'_> {
             let is_last = vertex == tracer.scene.max_depth;
             for paths in paths.packets() {
                 let mut hits = Hits::MISSED;
-                tracer.accelerator.nearest(vectors, &paths.rays, stacks, &mut hits);
+                if tracer.has_cut_outs {
+                    hits = tracer.see_through(&paths.rays, &paths.streams, dimension, stacks);
+                } else {
+                    tracer.accelerator.nearest(vectors, &paths.rays, stacks, &mut hits);
+                }
                 for i in (0..PACKET).filter(|&i| paths.rays.tmax[i] >= 0.0) {
                     let emitted = tracer.emitted(paths, &hits, i, vertex == 1);
                     radiance[paths.path[i] as usize] += emitted;
@@ -115,7 +121,12 @@ impl Kernel for Trace<'_> {
                     }
                     scatter::survive(&draws, next);
                     let rays = &direct.lights.rays;
-                    let hidden = tracer.accelerator.hides(vectors, rays, stacks);
+                    let hidden = if tracer.has_cut_outs {
+                        let hits = tracer.see_through(rays, &points.streams, dimension + 1, stacks);
+                        hits.triangle.map(|triangle| triangle != NONE)
+                    } else {
+                        tracer.accelerator.hides(vectors, rays, stacks)
+                    };
                     for i in (0..PACKET).filter(|&i| rays.tmax[i] >= 0.0 && !hidden[i]) {
                         let contribution = Vec3A::from(direct.contribution.get(i));
                         radiance[points.path[i] as usize] += contribution;

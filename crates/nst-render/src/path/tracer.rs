@@ -19,6 +19,8 @@ pub(crate) struct PathTracer<'a> {
     /// [`Scene::scale`], for [`crate::accelerator::offset`].
     pub(super) scale: f32,
     pub(super) strategy: Strategy,
+    /// Whether any facet is cut out.
+    pub(super) has_cut_outs: bool,
     pub(super) instructions: Instructions,
 }
 
@@ -39,6 +41,10 @@ pub(super) struct Facet {
     pub(super) smooth: bool,
     /// Whether its colour comes from a texture, or from its corners.
     pub(super) textured: bool,
+    /// Whether it has a relief.
+    pub(super) relief: bool,
+    /// Whether light may pass as if it was not there.
+    pub(super) cut_out: bool,
 }
 
 /// Which samples count where light sampling and BSDF sampling can find the same light.
@@ -68,6 +74,8 @@ impl<'a> PathTracer<'a> {
                 lambert: matches!(material.scattering, Scattering::Lambert),
                 smooth: triangle.normals.is_some(),
                 textured: material.color_texture.is_some() || colored,
+                relief: material.relief.is_some(),
+                cut_out: material.is_cut_out(),
             }
         };
         // First, as building it takes the most memory.
@@ -77,8 +85,10 @@ impl<'a> PathTracer<'a> {
         for (triangle, pdf_area) in lights.densities() {
             facets[triangle as usize].pdf_area = pdf_area;
         }
+        let has_cut_outs = facets.iter().any(|facet| facet.cut_out);
         Self {
             scene,
+            has_cut_outs,
             accelerator,
             lights,
             facets,

@@ -1,9 +1,10 @@
 //! [`Scene::fingerprint`], the name of a family of integrals.
 
+use glam::Vec2;
 use sha2::{Digest, Sha256};
 
 use super::{Scene, Triangle};
-use crate::{Disney, Material, Scattering};
+use crate::{Disney, Material, Relief, Scattering, TextureMap};
 
 /// Changes whenever the same scene gets another hash.
 const VERSION: &str = "v2";
@@ -116,14 +117,33 @@ impl Fields {
 
     fn material(&mut self, material: &Material) {
         // Without `..`: a new field must be thought of here.
-        let Material { name: _, color, color_texture, emission, emission_texture, scattering } =
-            material;
+        let Material {
+            name: _,
+            color,
+            color_texture,
+            emission,
+            emission_texture,
+            opacity,
+            opacity_texture,
+            relief,
+            scattering,
+        } = material;
         self.numbers("material.color", color.to_array());
-        let texture = color_texture.as_deref();
-        self.bytes("material.color_texture", texture.map_or(&[], |texture| texture.digest()));
+        self.map("material.color_texture", color_texture.as_ref());
         self.numbers("material.emission", emission.to_array());
-        let texture = emission_texture.as_deref();
-        self.bytes("material.emission_texture", texture.map_or(&[], |texture| texture.digest()));
+        self.map("material.emission_texture", emission_texture.as_ref());
+        if material.is_cut_out() {
+            self.numbers("material.opacity", [*opacity]);
+            self.map("material.opacity_texture", opacity_texture.as_ref());
+        }
+        match relief {
+            None => {}
+            Some(Relief::Normals(map)) => self.map("material.normals", Some(map)),
+            Some(Relief::Bumps { map, scale }) => {
+                self.map("material.bumps", Some(map));
+                self.numbers("material.bump_scale", [*scale]);
+            }
+        }
         match scattering {
             Scattering::Lambert => self.text("material.scattering", "lambert"),
             Scattering::Disney(disney) => {
@@ -134,6 +154,23 @@ impl Fields {
                 self.text("material.scattering", "dielectric");
                 self.numbers("dielectric.ior", [*ior]);
             }
+            Scattering::ThinDielectric { ior } => {
+                self.text("material.scattering", "thin_dielectric");
+                self.numbers("dielectric.ior", [*ior]);
+            }
+        }
+    }
+
+    /// The image; how it lies only where it is not as it is by default.
+    fn map(&mut self, name: &str, map: Option<&TextureMap>) {
+        let Some(TextureMap { image, scale, offset, clamp }) = map else {
+            return self.bytes(name, &[]);
+        };
+        self.bytes(name, image.digest());
+        if (*scale, *offset, *clamp) != (Vec2::ONE, Vec2::ZERO, false) {
+            self.numbers("map.scale", scale.to_array());
+            self.numbers("map.offset", offset.to_array());
+            self.integers("map.clamp", [u32::from(*clamp)]);
         }
     }
 

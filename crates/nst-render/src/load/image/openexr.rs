@@ -28,8 +28,8 @@ pub(super) fn read(path: &Path, most_bytes: u64, purpose: Purpose) -> Result<Pix
     let [r, g, b] = if channels == 1 { [0; 3] } else { [0, 1, 2] }.map(channel);
     let texels = r.iter().zip(g).zip(b).map(|((&r, &g), &b)| [r, g, b]).collect();
     let alpha = match (purpose, picture.layer.as_str()) {
-        (Purpose::Opacity, "") => Picture::open(path, Some("A")).ok(),
-        (Purpose::Opacity, layer) => Picture::open(path, Some(&format!("{layer}.A"))).ok(),
+        (Purpose::Numbers, "") => Picture::open(path, Some("A")).ok(),
+        (Purpose::Numbers, layer) => Picture::open(path, Some(&format!("{layer}.A"))).ok(),
         _ => None,
     };
     let alpha = alpha.map(|alpha| alpha.read()).transpose()?;
@@ -38,6 +38,7 @@ pub(super) fn read(path: &Path, most_bytes: u64, purpose: Purpose) -> Result<Pix
         size: picture.display.size,
         texels: display(&picture, texels, [0.0; 3])?,
         alpha: alpha.map(placed).transpose()?,
+        is_linear: true,
     })
 }
 
@@ -92,7 +93,7 @@ mod tests {
         let image_for = |purpose| super::read(&path, 1 << 20, purpose);
         // A part of the window, in its middle.
         write(&path, [1, 1], [2, 1], ([0, 0], [4, 3]));
-        let part = image_for(Purpose::Opacity).expect("an image");
+        let part = image_for(Purpose::Numbers).expect("an image");
         assert_eq!(part.size, [4, 3]);
         let mut expected = vec![[0.0; 3]; 12];
         (expected[5], expected[6]) = ([11.0, 1.0, 2.0], [12.0, 1.0, 2.0]);
@@ -101,19 +102,19 @@ mod tests {
         assert_eq!(part.alpha, Some(alpha));
         // Larger than the window, which does not begin at 0.
         write(&path, [1, 2], [5, 5], ([3, 4], [2, 2]));
-        let larger = image_for(Purpose::Radiance).expect("an image");
+        let larger = image_for(Purpose::Colors).expect("an image");
         let red: Vec<_> = larger.texels.iter().map(|texel| texel[0]).collect();
         assert_eq!((larger.size, red), ([2, 2], vec![43.0, 44.0, 53.0, 54.0]));
         assert_eq!(larger.alpha, None);
         // Over a corner, from outside.
         write(&path, [-1, -1], [2, 2], ([0, 0], [2, 2]));
-        let corner = image_for(Purpose::Radiance).expect("an image");
+        let corner = image_for(Purpose::Colors).expect("an image");
         assert_eq!(corner.texels, [[0.0, 1.0, 2.0], [0.0; 3], [0.0; 3], [0.0; 3]]);
         write(&path, [5, 0], [2, 2], ([0, 0], [2, 2]));
-        let error = image_for(Purpose::Radiance).err().expect("no overlap").to_string();
+        let error = image_for(Purpose::Colors).err().expect("no overlap").to_string();
         assert!(error.contains("x.exr") && error.contains("display window"), "{error}");
         write(&path, [0, 0], [2, 2], ([0, 0], [1 << 15, 1 << 15]));
-        let error = image_for(Purpose::Radiance).err().expect("too large").to_string();
+        let error = image_for(Purpose::Colors).err().expect("too large").to_string();
         assert!(error.contains("32768 by 32768"), "{error}");
     }
 
@@ -129,7 +130,7 @@ mod tests {
             let attributes = LayerAttributes::default();
             let layer = Layer::new(Vec2(1, 1), attributes, Encoding::UNCOMPRESSED, channels);
             Image::from_layer(layer).write().to_file(&path).expect("a file");
-            super::read(&path, 1 << 20, Purpose::Opacity)
+            super::read(&path, 1 << 20, Purpose::Numbers)
         };
         let names = ["V.Combined.R", "V.Combined.G", "V.Combined.B", "V.Combined.A", "V.Depth.Z"];
         let pixels = write(&names).expect("an image");

@@ -21,7 +21,7 @@ pub(super) fn read(
 ) -> Result<Pixels, Error> {
     let image = decode(path, bytes, most_bytes)?;
     let size = [image.width(), image.height()];
-    let alpha = (purpose == Purpose::Opacity && image.color().has_alpha())
+    let alpha = (purpose == Purpose::Numbers && image.color().has_alpha())
         .then(|| image.to_rgba32f().pixels().map(|pixel| pixel.0[3]).collect());
     let deep = matches!(
         image.color(),
@@ -29,11 +29,11 @@ pub(super) fn read(
     );
     let floats = matches!(image.color(), ColorType::Rgb32F | ColorType::Rgba32F);
     let texels = match purpose {
-        Purpose::Radiance | Purpose::Reflectance if deep => linear_16(image),
-        Purpose::Radiance | Purpose::Reflectance if !floats => linear_8(image),
+        Purpose::Colors if deep => linear_16(image),
+        Purpose::Colors if !floats => linear_8(image),
         _ => image.into_rgb32f().pixels().map(|pixel| pixel.0).collect(),
     };
-    Ok(Pixels { size, texels, alpha })
+    Ok(Pixels { size, texels, alpha, is_linear: floats })
 }
 
 fn decode(path: &Path, bytes: &[u8], most_bytes: u64) -> Result<DynamicImage, Error> {
@@ -67,6 +67,6 @@ fn linear_16(image: DynamicImage) -> Vec<[f32; 3]> {
 }
 
 /// IEC 61966-2-1.
-fn srgb_to_linear(x: f32) -> f32 {
+pub(in crate::load) fn srgb_to_linear(x: f32) -> f32 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }

@@ -44,7 +44,7 @@ pub(super) fn read(
             texels[order.index([number, i])] = radiance(pixel);
         }
     }
-    Ok(Pixels { size: [width as u32, height as u32], texels, alpha: None })
+    Ok(Pixels { size: [width as u32, height as u32], texels, alpha: None, is_linear: true })
 }
 
 /// What is still to be read of a file.

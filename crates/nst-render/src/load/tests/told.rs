@@ -82,15 +82,15 @@ fn notes_say_what_was_left_out() {
         "mtllib /home/me/x.mtl\n{VERTICES}v 1 1.5 0\nvn 0 0 0\nvt 1e8 0\ncurv 0 1 1 2\nusemtl a\n\
          f 1//1 2//1 3//1\nf 1 4 2 3\n"
     );
-    let mtl = "newmtl a\nbump a.png\nmap_Kd -s 2 2 1 a.png\nnewmtl b\nmap_Kd -s 2 2 1 a.png\n";
+    let mtl = "newmtl a\ndisp a.png\nmap_Kd -t 2 2 1 a.png\nnewmtl b\nmap_Kd -t 2 2 1 a.png\n";
     let toml = "[integrator]\nkind = 'direct'\nmax_depth = 9\n";
     let folder = folder(&[("x.obj", &obj), ("x.mtl", mtl), ("x.toml", toml)]);
     ::image::RgbImage::new(1, 2).save(folder.path().join("a.png")).expect("an image");
     let scene = Scene::load(&folder.path().join("x.obj")).expect("a good scene");
     let expected = [
         "'/home/me/x.mtl' is not there: ",
-        "options '-s 2 2 1' of map_Kd left out",
-        "bump left out",
+        "option -t of map_Kd left out",
+        "disp left out",
         "faces that cross themselves, cut into fans that may overlap: 1",
         "points, lines, curves and surfaces, left out: 1",
         "normals of length zero, where the surface is flat: 1",

@@ -3,20 +3,22 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3A};
 
 use super::*;
-use crate::{Camera, Environment, PixelFilter, Texture};
+use crate::{Camera, Environment, PixelFilter, Relief, Texture, TextureMap};
 
 fn texture(last: f32) -> Option<Arc<Texture>> {
     Texture::new([2, 1], vec![[0.5, 0.25, 0.125], [1.0, 0.75, last]]).map(Arc::new)
+}
+
+fn map(last: f32) -> Option<TextureMap> {
+    texture(last).map(TextureMap::from)
 }
 
 fn material(scattering: Scattering) -> Material {
     Material {
         name: "m".into(),
         color: Vec3A::new(0.1, 0.2, 0.3),
-        color_texture: None,
-        emission: Vec3A::ZERO,
-        emission_texture: None,
         scattering,
+        ..Material::default()
     }
 }
 
@@ -36,9 +38,9 @@ fn tiny() -> Scene {
         material: 2,
     };
     let textured = Material {
-        color_texture: texture(0.5),
+        color_texture: map(0.5),
         emission: Vec3A::new(1.0, 2.0, 4.0),
-        emission_texture: texture(8.0),
+        emission_texture: map(8.0),
         ..material(Scattering::Lambert)
     };
     let materials = vec![
@@ -78,10 +80,18 @@ fn disney(scene: &mut Scene) -> &mut Disney {
     }
 }
 
+fn color_map(scene: &mut Scene) -> &mut TextureMap {
+    scene.materials[2].color_texture.as_mut().expect("a texture")
+}
+
+fn bumps(last: f32, scale: f32) -> Option<Relief> {
+    map(last).map(|map| Relief::Bumps { map, scale })
+}
+
 type Change = (&'static str, fn(&mut Scene));
 
 /// Everything that decides a pixel's integral.
-const CHANGES: [Change; 40] = [
+const CHANGES: [Change; 52] = [
     ("name", |s| s.name = "other".into()),
     ("position", |s| s.triangles[1].positions[2].z = 0.5),
     ("corners", |s| s.triangles[0].positions.swap(0, 1)),
@@ -96,9 +106,9 @@ const CHANGES: [Change; 40] = [
     ("order of materials", |s| s.materials.swap(0, 1)),
     ("color", |s| s.materials[0].color.z = 0.5),
     ("emission", |s| s.materials[0].emission.x = 0.5),
-    ("color texture", |s| s.materials[2].color_texture = texture(0.75)),
+    ("color texture", |s| s.materials[2].color_texture = map(0.75)),
     ("no color texture", |s| s.materials[2].color_texture = None),
-    ("emission texture", |s| s.materials[2].emission_texture = texture(9.0)),
+    ("emission texture", |s| s.materials[2].emission_texture = map(9.0)),
     ("no emission texture", |s| s.materials[2].emission_texture = None),
     ("kind", |s| s.materials[0].scattering = Scattering::Lambert),
     ("metallic", |s| disney(s).metallic = 0.25),
@@ -121,6 +131,18 @@ const CHANGES: [Change; 40] = [
     ("field of view", |s| s.camera.vertical_fov = 41.0),
     ("depth", |s| s.max_depth = 7),
     ("pixel filter", |s| s.pixel_filter = PixelFilter::Center),
+    ("scale of a texture", |s| color_map(s).scale.x = 2.0),
+    ("offset of a texture", |s| color_map(s).offset.x = 2.0),
+    ("edges of a texture", |s| color_map(s).clamp = true),
+    ("opacity", |s| s.materials[0].opacity = 0.5),
+    ("opacity texture", |s| s.materials[0].opacity_texture = map(0.5)),
+    ("another opacity texture", |s| s.materials[0].opacity_texture = map(0.75)),
+    ("opacity of another", |s| s.materials[1].opacity_texture = map(0.5)),
+    ("normals", |s| s.materials[0].relief = map(0.5).map(Relief::Normals)),
+    ("bumps", |s| s.materials[0].relief = bumps(0.5, 1.0)),
+    ("other bumps", |s| s.materials[0].relief = bumps(0.75, 1.0)),
+    ("higher bumps", |s| s.materials[0].relief = bumps(0.5, 2.0)),
+    ("thin glass", |s| s.materials[1].scattering = Scattering::ThinDielectric { ior: 1.5 }),
     ("textures for one another", |s| {
         let m = &mut s.materials[2];
         std::mem::swap(&mut m.color_texture, &mut m.emission_texture);
