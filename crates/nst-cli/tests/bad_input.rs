@@ -368,7 +368,7 @@ fn comparisons() {
     let bench = Bench::new();
     render(&bench, 1..=1, "--spp 8 --size 8x8");
     render(&bench, 2..=2, "--spp 8 --size 8x9");
-    bench.succeed("pack r1.exr --channels S.R --as samples --spp 8 -o mono.exr -q");
+    bench.succeed("pack r1.exr --layer S.R --as samples --spp 8 -o mono.exr -q");
     bench.write("text.exr", "this is no image");
     let precious = Precious::of(&bench, "r1.png");
     fails(&bench, "compare", 2, &["EXR"]);
@@ -432,7 +432,7 @@ fn packs() {
     std::fs::copy(bench.path("s1.exr"), bench.path("again.exr")).expect("a copy");
     let precious = Precious::of(&bench, "seq.exr");
     let cases: [(&str, i32, &[&str]); 26] = [
-        ("r1.exr", 2, &["--as"]),
+        ("r1.exr", 2, &["r1.exr", "samplesPerPixel", "--spp"]),
         ("--as samples", 2, &["EXR"]),
         ("r1.exr --as pictures", 2, &["pictures", "samples", "estimates", "runs"]),
         ("r1.exr r2.exr --as samples", 2, &["r1.exr", "samplesPerPixel", "--spp"]),
@@ -441,7 +441,7 @@ fn packs() {
         ("r1.exr --as estimates --spp 1", 2, &["--spp", "--as samples"]),
         ("r1.exr r2.exr --as estimates --spp-list 1", 2, &["1 numbers for 2 files"]),
         ("r1.exr r2.exr --as estimates --spp-list 4,4", 1, &["r1.exr", "r2.exr", "both have 4"]),
-        ("r1.exr --as estimates --channels T", 1, &["r1.exr", "'T'", "S, Variance"]),
+        ("r1.exr --as estimates --layer T", 1, &["r1.exr", "'T'", "S, Variance"]),
         ("s1.exr s2.exr --as estimates", 1, &["s1.exr", "s2.exr", "both have 8"]),
         ("s1.exr s5.exr --as samples", 1, &["s1.exr", "s5.exr", "8", "9"]),
         ("r1.exr r4.exr --as samples --spp 8", 1, &["r4.exr", "8x9", "r1.exr", "8x8"]),
@@ -479,7 +479,7 @@ fn merges() {
     render(&bench, 8..=8, "--spp 2 --size 8x8");
     bench.succeed("merge s1.exr s2.exr -o merged.exr -q");
     bench.succeed("pack r1.exr r2.exr --as samples --spp 1 -o packed.exr -q");
-    bench.succeed("pack r1.exr r2.exr --as samples --spp 1 --channels S.R --seed 1 -o mono.exr -q");
+    bench.succeed("pack r1.exr r2.exr --as samples --spp 1 --layer S.R --seed 1 -o mono.exr -q");
     bench.succeed("pack r1.exr r3.exr --as samples --spp 1 --seed 9 -o seeded.exr -q");
     std::fs::copy(bench.path("s5.exr"), bench.path("out.exr")).expect("a copy");
     let precious = Precious::of(&bench, "out.exr");

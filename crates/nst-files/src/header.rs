@@ -43,6 +43,10 @@ pub struct Part {
     pub size: [u32; 2],
     /// The left upper corner of the data window.
     pub position: [i32; 2],
+    /// What is to be seen: the picture's frame, of which the data window may be a part.
+    pub display: Window,
+    /// Red, green, blue and white in CIE xy, where the file says it.
+    pub chromaticities: Option<[[f32; 2]; 4]>,
     /// How its pixels are compressed, and whether in scan lines or tiles.
     pub storage: String,
     /// Whether it is deep: each pixel has its own number of samples.
@@ -51,6 +55,32 @@ pub struct Part {
     pub channels: Vec<Channel>,
     /// The attributes that are text or a number.
     pub attributes: BTreeMap<String, String>,
+}
+
+/// A rectangle of pixels, in coordinates that the windows of a file have in common; y points
+/// down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// The left upper corner.
+    pub position: [i32; 2],
+    /// Width and height, in pixels.
+    pub size: [u32; 2],
+}
+
+impl Window {
+    /// What two windows have in common; `None` if that is nothing.
+    #[must_use]
+    pub fn intersection(&self, other: &Self) -> Option<Self> {
+        let span = |axis: usize| {
+            let ends = [self, other]
+                .map(|window| i64::from(window.position[axis]) + i64::from(window.size[axis]));
+            let start = self.position[axis].max(other.position[axis]);
+            let length = ends[0].min(ends[1]) - i64::from(start);
+            (length > 0).then_some((start, length as u32))
+        };
+        let ((x, width), (y, height)) = (span(0)?, span(1)?);
+        Some(Self { position: [x, y], size: [width, height] })
+    }
 }
 
 /// One channel of a part.
@@ -108,6 +138,12 @@ impl ExrHeader {
         Ok(Self { parts })
     }
 
+    /// Whether it is a sequence file of this program.
+    #[must_use]
+    pub fn is_sequence(&self) -> bool {
+        self.parts.first().is_some_and(|part| part.attributes.contains_key("nst.terms"))
+    }
+
     /// All layers that are pictures: R, G and B, or Y, or any channel that is alone in its
     /// layer.
     #[must_use]
@@ -123,7 +159,8 @@ impl ExrHeader {
         layers
     }
 
-    /// Finds the layer of a name; without a name, the main picture, or else the only layer.
+    /// Finds the layer of a name. Without a name, it is the main picture, or the only layer,
+    /// or `Combined`, as Blender names the picture beside its passes.
     ///
     /// # Errors
     /// What is wrong, and which layers there are.
@@ -137,6 +174,9 @@ impl ExrHeader {
         let Some(name) = name else {
             if let Some(main) = layers.iter().position(|layer| layer.name.is_empty()) {
                 return Ok(layers.swap_remove(main));
+            }
+            if let [combined] = combined(&layers)[..] {
+                return Ok(layers.swap_remove(combined));
             }
             return match layers.len() {
                 1 => Ok(layers.swap_remove(0)),
@@ -193,6 +233,18 @@ impl ExrHeader {
     }
 }
 
+/// The layers that end in Blender's name for the picture; what its compositor has made of
+/// them counts only if there is nothing else.
+fn combined(layers: &[Layer]) -> Vec<usize> {
+    let all = layers.iter().enumerate().filter_map(|(i, layer)| {
+        let view = layer.name.strip_suffix("Combined")?;
+        (view.is_empty() || view.ends_with('.')).then_some((i, view))
+    });
+    let (composites, views): (Vec<_>, Vec<_>) = all.partition(|&(_, view)| view == "Composite.");
+    let found = if views.is_empty() { composites } else { views };
+    found.into_iter().map(|(i, _)| i).collect()
+}
+
 impl Part {
     /// The channels, grouped by the part of their names before the last dot.
     fn groups(&self) -> BTreeMap<&str, Vec<(&str, usize)>> {
@@ -231,6 +283,7 @@ pub(crate) fn open(path: &Path) -> Result<Reader<BufReader<File>>, Error> {
 
 fn part(header: &RawHeader) -> Part {
     let window = header.data_window();
+    let display = header.shared_attributes.display_window;
     let tiled = matches!(header.blocks, BlockDescription::Tiles(_));
     let channels = header.channels.list.iter().map(|channel| Channel {
         name: channel.name.to_string(),
@@ -256,6 +309,14 @@ fn part(header: &RawHeader) -> Part {
         // The library refuses windows beyond 2³⁰.
         size: [window.size.x() as u32, window.size.y() as u32],
         position: [window.position.x(), window.position.y()],
+        display: Window {
+            position: [display.position.x(), display.position.y()],
+            size: [display.size.x() as u32, display.size.y() as u32],
+        },
+        chromaticities: header
+            .shared_attributes
+            .chromaticities
+            .map(|c| [c.red, c.green, c.blue, c.white].map(|point| [point.x(), point.y()])),
         storage: format!("{}, {}", header.compression, if tiled { "tiles" } else { "scan lines" }),
         deep: header.deep,
         channels: channels.collect(),
@@ -274,6 +335,8 @@ mod tests {
             name: name.map(str::to_owned),
             size: [1, 1],
             position: [0, 0],
+            display: Window { position: [0, 0], size: [1, 1] },
+            chromaticities: None,
             storage: String::new(),
             deep: false,
             channels: channels.iter().map(channel).collect(),
@@ -306,6 +369,37 @@ mod tests {
         assert_eq!(names(&header(&[(None, &["depth.T", "n.X", "n.Y", "n.Z"])])), ["depth"]);
         let luminance = header(&[(None, &["BY", "RY", "Y"])]);
         assert!(luminance.choose(None).is_err_and(|e| e.contains("BY, RY, Y")));
+    }
+
+    #[test]
+    fn blenders_picture_needs_no_name() {
+        let rgba: &[&str] = &["A", "B", "G", "R"];
+        fn choose(parts: &[(Option<&str>, &[&str])]) -> Result<String, String> {
+            header(parts).choose(None).map(|layer| layer.name)
+        }
+        let view = |name| (Some(name), rgba);
+        let passes = [view("ViewLayer.Combined"), view("ViewLayer.Normal")];
+        assert_eq!(choose(&passes), Ok("ViewLayer.Combined".into()));
+        let composite = [view("Composite.Combined"), passes[0], passes[1]];
+        assert_eq!(choose(&composite), Ok("ViewLayer.Combined".into()));
+        let composited = [composite[0], view("Composite.Mist")];
+        assert_eq!(choose(&composited), Ok("Composite.Combined".into()));
+        let one_part: &[&str] = &["V.Combined.B", "V.Combined.G", "V.Combined.R", "V.Depth.Z"];
+        assert_eq!(choose(&[(None, one_part)]), Ok("V.Combined".into()));
+        let two = [passes[0], view("Other.Combined")];
+        assert!(choose(&two).is_err_and(|e| e.contains("ViewLayer.Combined, Other.Combined")));
+        assert!(choose(&[view("Uncombined"), view("Normal")]).is_err());
+    }
+
+    #[test]
+    fn windows_have_pixels_in_common() {
+        let window = |position, size| Window { position, size };
+        let a = window([0, 0], [16, 12]);
+        assert_eq!(a.intersection(&window([4, 2], [16, 12])), Some(window([4, 2], [12, 10])));
+        assert_eq!(a.intersection(&window([-5, -5], [99, 99])), Some(a));
+        assert_eq!(a.intersection(&window([16, 0], [1, 12])), None);
+        let far = window([i32::MAX - 1, 0], [u32::MAX, 1]);
+        assert_eq!(far.intersection(&far), Some(far));
     }
 
     #[test]

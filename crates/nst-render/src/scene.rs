@@ -62,8 +62,9 @@ pub struct Scene {
     pub name: String,
     /// At least one; none has a zero area or a coordinate that is not finite.
     pub triangles: Vec<Triangle>,
-    /// Colours at the corners of each triangle, linear RGB within 0 and 1, which multiply
-    /// that of its material; empty if the file has none.
+    /// Colours at the corners of the triangles, linear RGB within 0 and 1, which multiply
+    /// those of their materials. Empty if the file has none; triangles beyond its end have
+    /// none.
     pub vertex_colors: Vec<[[f32; 3]; 3]>,
     /// What the triangles are made of.
     pub materials: Vec<Material>,
@@ -138,9 +139,9 @@ fn textured(texture: Option<&Texture>, triangle: &Triangle, barycentric: Vec2) -
 }
 
 /// The corners of the axis-aligned bounding box of some triangles.
-pub(crate) fn bounds(triangles: &[Triangle]) -> (Vec3A, Vec3A) {
+pub(crate) fn bounds<'a>(triangles: impl IntoIterator<Item = &'a Triangle>) -> (Vec3A, Vec3A) {
     triangles
-        .iter()
+        .into_iter()
         .flat_map(|triangle| triangle.positions)
         .fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), position| {
             (low.min(position), high.max(position))

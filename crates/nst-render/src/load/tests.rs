@@ -8,7 +8,7 @@ mod vertex_colors;
 
 use std::sync::Arc;
 
-use glam::Vec2;
+use glam::{Vec2, Vec3A};
 use tempfile::TempDir;
 
 use super::*;
@@ -27,7 +27,9 @@ fn folder(files: &[(&str, &str)]) -> TempDir {
 
 fn load(files: &[(&str, &str)]) -> Result<Scene, String> {
     let folder = folder(files);
-    Scene::load(&folder.path().join("x.obj")).map_err(|error| error.to_string())
+    // A studio would add its lamps to the triangles.
+    let options = LoadOptions { lighting: Some(Lighting::None), ..Default::default() };
+    Scene::load_with(&folder.path().join("x.obj"), &options).map_err(|error| error.to_string())
 }
 
 /// Scene `x.obj` of this content.

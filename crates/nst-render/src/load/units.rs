@@ -59,7 +59,7 @@ impl Placement {
     }
 
     /// Where a vertex of the file is, before it is scaled.
-    pub(super) fn centred(&self, vertex: DVec3) -> Vec3A {
+    pub(super) fn centred(self, vertex: DVec3) -> Vec3A {
         (vertex - self.centre).as_vec3a()
     }
 
@@ -79,7 +79,7 @@ impl Placement {
     }
 
     /// Where a point of the file is in the scene.
-    pub(super) fn point(&self, p: DVec3) -> DVec3 {
+    pub(super) fn point(self, p: DVec3) -> DVec3 {
         (p - self.centre) * power_of_two(self.exponent)
     }
 

@@ -7,14 +7,16 @@ const QUAD: &str =
     "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 1\n";
 const MTL: &str = "newmtl a\nKd .25 .5 .75\n";
 
-const STRICT: LoadOptions = LoadOptions { strict: true };
+fn options(strict: bool) -> LoadOptions {
+    LoadOptions { strict, lighting: Some(Lighting::None), ..Default::default() }
+}
 
 /// The scene `x.obj` of a folder, whose only notes are of faults; and the error when it is
 /// read strictly.
 fn forgiven(folder: &TempDir) -> (Scene, String) {
     let path = folder.path().join("x.obj");
-    let scene = Scene::load(&path).expect("it is forgiven");
-    let strict = Scene::load_with(&path, &STRICT);
+    let scene = Scene::load_with(&path, &options(false)).expect("it is forgiven");
+    let strict = Scene::load_with(&path, &options(true));
     (scene, strict.expect_err("it is a fault").to_string())
 }
 
@@ -96,7 +98,8 @@ fn what_is_no_fault() {
     ];
     for statements in statements {
         let folder = folder(&[("x.obj", &format!("{QUAD}{statements}\n"))]);
-        let scene = Scene::load_with(&folder.path().join("x.obj"), &STRICT).expect(statements);
+        let scene =
+            Scene::load_with(&folder.path().join("x.obj"), &options(true)).expect(statements);
         assert_eq!(notes(&scene), [""; 0], "{statements}");
         assert_eq!(scene.triangles[0].area_vector(), Vec3A::Z * 4.0, "{statements}");
     }
@@ -175,7 +178,8 @@ fn materials_are_found_behind_comments_and_quotes() {
         let obj = format!("{library}\n{QUAD}{usage}\nf 1 2 3 4\n");
         let files = [("x.obj", obj.as_str()), ("x.mtl", mtl), ("y z.mtl", "newmtl b\n")];
         let folder = folder(&files);
-        let scene = Scene::load(&folder.path().join("x.obj")).expect(library);
+        let path = folder.path().join("x.obj");
+        let scene = Scene::load_with(&path, &options(false)).expect(library);
         let color = scene.materials[scene.triangles[0].material as usize].color;
         assert_eq!(color, Vec3A::new(0.25, 0.5, 0.75), "{library}, {usage}");
         if is_fault {
@@ -227,7 +231,7 @@ fn names_of_two_bytes_continue_no_line() {
         std::fs::write(path("x.obj"), obj.concat()).expect("a file");
         let mtl = [b"newmtl ", name, b"\nKd .25 .5 .75\n"];
         std::fs::write(path("x.mtl"), mtl.concat()).expect("a file");
-        let scene = Scene::load(&path("x.obj")).expect("a good scene");
+        let scene = Scene::load_with(&path("x.obj"), &options(false)).expect("a good scene");
         assert_eq!(scene.triangles.len(), 2);
         assert_eq!(scene.materials[0].color, Vec3A::new(0.25, 0.5, 0.75));
     }
@@ -240,7 +244,7 @@ fn utf16_is_read() {
     let folder = folder(&[]);
     let path = folder.path().join("x.obj");
     std::fs::write(&path, bytes).expect("a file");
-    let scene = Scene::load(&path).expect("a good scene");
+    let scene = Scene::load_with(&path, &options(false)).expect("a good scene");
     assert_eq!(scene.triangles.len(), 2);
     assert!(scene.notes[0].ends_with("is UTF-16"), "{:?}", scene.notes);
 }
