@@ -76,8 +76,9 @@ pub struct Scene {
     pub name: String,
     /// At least one; none has a zero area or a coordinate that is not finite.
     pub triangles: Vec<Triangle>,
-    /// Colours at the corners of each triangle, linear RGB within 0 and 1, which multiply
-    /// that of its material; empty if the file has none.
+    /// Colours at the corners of the triangles, linear RGB within 0 and 1, which multiply
+    /// those of their materials. Empty if the file has none; triangles beyond its end have
+    /// none.
     pub vertex_colors: Vec<[[f32; 3]; 3]>,
     /// What the triangles are made of.
     pub materials: Vec<Material>,

@@ -55,7 +55,7 @@ pub(super) fn load(path: &Path, images: &mut Images, report: &mut Report) -> Res
     let mut placement = Placement::around(low, high, report);
     let colors = Colors::of_vertices(&contents, report);
     let ids = (ids.as_slice(), default);
-    let mut all = faces::triangles(path, &contents, &placement, ids, &colors, report)?;
+    let mut all = faces::triangles(path, &contents, placement, ids, &colors, report)?;
     contents.note_losses(report);
     if all.triangles.iter().any(|triangle| triangle.material == default) {
         materials.push(default_material(&unknown, !colors.is_empty(), report));

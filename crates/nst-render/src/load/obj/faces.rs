@@ -69,7 +69,7 @@ fn unusable(path: &Path, contents: &Contents, face: &Face, vertex: u32) -> Error
 pub(super) fn triangles(
     path: &Path,
     contents: &Contents,
-    placement: &Placement,
+    placement: Placement,
     (materials, default): (&[u32], u32),
     colors: &Colors,
     report: &mut Report,

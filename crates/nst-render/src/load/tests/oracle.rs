@@ -1,8 +1,7 @@
 //! Our triangles beside those that tobj reads from the same file.
 
 use super::*;
-use crate::load::exact::length_squared;
-use crate::load::exact::unit_or_zero;
+use crate::load::exact::{length_squared, unit_or_zero};
 
 /// The triangles of a file of triangles and convex polygons, and which have normals and
 /// texture coordinates; the numbers of its materials are those of their names in `names`,

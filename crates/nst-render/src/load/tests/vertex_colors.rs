@@ -3,7 +3,7 @@
 use nst_core::Keep;
 
 use super::*;
-use crate::{RenderSettings, SamplerKind, render};
+use crate::{Environment, RenderSettings, SamplerKind, render};
 
 /// sRGB of 0.5, and 0.75 of it.
 const HALF: f32 = 0.735_356_9;
@@ -85,25 +85,27 @@ fn colors_enter_the_fingerprint() {
     }
 }
 
+/// The means over 64 spp of the pixels of a picture of 8 by 8, in a white environment.
+fn picture(files: &[(&str, &str)]) -> Vec<f32> {
+    let toml = "[camera]\nposition = [0, 0, 2]\ntarget = [0, 0, 0]\nvertical_fov = 40\n\
+                [film]\nsize = [8, 8]\n";
+    let environment = Environment { radiance: Vec3A::ONE, ..Default::default() };
+    let scene = load(&[files, &[("x.toml", toml)]].concat()).expect("a good scene");
+    let scene = Scene { environment, ..scene };
+    let settings =
+        RenderSettings { spp: 64, sampler: SamplerKind::Random, seed: 1, keep: Keep::Window(1) };
+    let rendering = render(&scene, &settings, &|_| {}).expect("it fits the memory");
+    rendering.batch.last().to_vec()
+}
+
 /// A quad that fills the picture, in a white environment: every path that scatters once
 /// brings back the colour where it hit, times the material's.
 #[test]
 fn pictures_show_the_colors() {
-    let toml = "[camera]\nposition = [0, 0, 2]\ntarget = [0, 0, 0]\nvertical_fov = 40\n\
-                [film]\nsize = [8, 8]\n[environment]\nradiance = [1, 1, 1]\n";
     let red_to_green = ["1 0 0", "0 1 0", "0 1 0", "1 0 0"];
     let obj = quad(red_to_green, "mtllib x.mtl\nusemtl a\n");
     for (mtl, scale) in [("newmtl a\nKd .5\n", 0.5), ("", 1.0)] {
-        let files = [("x.obj", obj.as_str()), ("x.mtl", mtl), ("x.toml", toml)];
-        let scene = load(&files).expect("a good scene");
-        let settings = RenderSettings {
-            spp: 64,
-            sampler: SamplerKind::Random,
-            seed: 1,
-            keep: Keep::Window(1),
-        };
-        let rendering = render(&scene, &settings, &|_| {}).expect("it fits the memory");
-        let last = rendering.batch.last();
+        let last = picture(&[("x.obj", &obj), ("x.mtl", mtl)]);
         // The picture is 2 · 2 · tan 20° wide.
         let width = 4.0 * 20.0_f32.to_radians().tan();
         for x in 0..8 {
@@ -125,15 +127,7 @@ fn pictures_show_the_colors() {
 #[test]
 fn disney_has_the_colors() {
     let obj = quad(["0 1 0"; 4], "mtllib x.mtl\nusemtl a\n");
-    let toml = "[camera]\nposition = [0, 0, 2]\ntarget = [0, 0, 0]\nvertical_fov = 40\n\
-                [film]\nsize = [8, 8]\n[environment]\nradiance = [1, 1, 1]\n";
-    let files =
-        [("x.obj", obj.as_str()), ("x.mtl", "newmtl a\nKd 1\nPm 1\nPr .5\n"), ("x.toml", toml)];
-    let scene = load(&files).expect("a good scene");
-    let settings =
-        RenderSettings { spp: 64, sampler: SamplerKind::Random, seed: 1, keep: Keep::Window(1) };
-    let rendering = render(&scene, &settings, &|_| {}).expect("it fits the memory");
-    let last = rendering.batch.last();
+    let last = picture(&[("x.obj", &obj), ("x.mtl", "newmtl a\nKd 1\nPm 1\nPr .5\n")]);
     let mean = |channel: usize| last.iter().skip(channel * 64).take(64).sum::<f32>() / 64.0;
     // A metal reflects its own colour, and at this roughness most of the light.
     assert!(mean(1) > 0.8 && mean(1) < 1.01 && mean(0) < 0.1 && mean(2) < 0.1);
