@@ -80,11 +80,11 @@ def test_layers_and_single_channels(nst: Nst, tmp_path: Path) -> None:
     write_openexr(tmp_path / "x.exr", channels)
     for arguments, layer, packed_names in [
         ((), "", "RGB"),
-        (("--channels", "diffuse"), "diffuse.", "RGB"),
-        (("--channels", "depth"), "depth.Z", "Y"),
-        (("--channels", "depth.Z"), "depth.Z", "Y"),
-        (("--channels", "n.Y"), "n.Y", "Y"),
-        (("--channels", "A"), "A", "Y"),
+        (("--layer", "diffuse"), "diffuse.", "RGB"),
+        (("--layer", "depth"), "depth.Z", "Y"),
+        (("--layer", "depth.Z"), "depth.Z", "Y"),
+        (("--layer", "n.Y"), "n.Y", "Y"),
+        (("--layer", "A"), "A", "Y"),
     ]:
         packed = packed_first(nst, tmp_path, "x.exr", *arguments)
         assert sorted(packed) == sorted(packed_names)
@@ -102,9 +102,9 @@ def test_parts(nst: Nst, tmp_path: Path) -> None:
     ]
     with OpenEXR.File(parts) as file:
         file.write(str(tmp_path / "x.exr"))
-    packed = packed_first(nst, tmp_path, "x.exr", "--channels", "beauty")
+    packed = packed_first(nst, tmp_path, "x.exr", "--layer", "beauty")
     assert all(same_bits(packed[name], beauty[i]) for i, name in enumerate("RGB"))
-    packed = packed_first(nst, tmp_path, "x.exr", "--channels", "mist")
+    packed = packed_first(nst, tmp_path, "x.exr", "--layer", "mist")
     assert same_bits(packed["Y"], mist[0].astype(np.float32))
     info = json.loads(nst("info", "x.exr", "--json"))
     assert [part["layers"] for part in info["parts"]] == [["beauty"], ["mist"]]
@@ -160,12 +160,12 @@ def test_mitsuba_aovs(nst: Nst, tmp_path: Path, box: dict[str, object]) -> None:
     theirs, _ = read_openexr(tmp_path / "x.exr")
     layers = json.loads(nst("info", "x.exr", "--json"))["parts"][0]["layers"]
     colors = next(layer for layer in layers if f"{layer}.R".removeprefix(".") in theirs)
-    chosen = ("--channels", colors) if colors else ()
+    chosen = ("--layer", colors) if colors else ()
     packed = packed_first(nst, tmp_path, "x.exr", *chosen)
     for name in "RGB":
         assert same_bits(packed[name], theirs[f"{colors}.{name}".removeprefix(".")]), name
     depth = next(name for name in theirs if name.startswith("dd"))
-    packed = packed_first(nst, tmp_path, "x.exr", "--channels", depth)
+    packed = packed_first(nst, tmp_path, "x.exr", "--layer", depth)
     assert same_bits(packed["Y"], theirs[depth])
 
 

@@ -27,6 +27,7 @@ fn cube(diffuse: Vec3A, emission: Vec3A, environment: Vec3A, position: Vec3A) ->
     Scene {
         name: "cube".into(),
         triangles,
+        vertex_colors: vec![],
         materials: vec![Material {
             name: "wall".into(),
             color: diffuse,

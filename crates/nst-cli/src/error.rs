@@ -28,8 +28,9 @@ pub(crate) enum Error {
     #[error("cannot write to standard output: {0}")]
     Stdout(std::io::Error),
     #[error("cannot watch for Ctrl-C: {0}")]
-    CtrlC(#[from] ctrlc::Error),
-    /// Ctrl-C ended the job before there was anything to report; the exit code is 130.
+    Signals(std::io::Error),
+    /// A signal ended the job before there was anything to report; it has an exit code of
+    /// its own.
     #[error("{0}")]
     Interrupted(String),
     /// The command line is wrong; the exit code is 2.

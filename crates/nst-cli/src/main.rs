@@ -23,7 +23,7 @@ fn main() -> ExitCode {
         Ok(None) => ExitCode::SUCCESS,
         Ok(Some(missing)) | Err(Error::Interrupted(missing)) => {
             complain(&format!("stopped: {missing}"));
-            ExitCode::from(interrupt::EXIT_CODE)
+            ExitCode::from(interrupt::exit_code())
         }
         Err(error) => {
             complain(&format!("error: {error}"));
@@ -35,6 +35,7 @@ fn main() -> ExitCode {
 /// Runs the command and prints its report; returns what is missing if it ended early.
 fn run(args: &Args) -> Result<Option<String>, Error> {
     let common = args.command.common();
+    interrupt::watch()?;
     set_threads(common)?;
     let done = commands::run(&args.command)?;
     print(&*done.report, common)?;

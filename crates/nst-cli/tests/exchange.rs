@@ -63,7 +63,7 @@ fn compare_takes_errors_apart() {
     let png = std::fs::read(bench.path("map.png")).expect("the map");
     assert!(png.starts_with(b"\x89PNG"));
 
-    let said = bench.succeed("compare r1.exr --layer Variance r1.exr");
+    let said = bench.succeed("compare r1.exr --layer Variance r1.exr --reference-layer=");
     for word in ["(x − I)² / (I² + 0.01)", "trimmed", "not finite: 0 pixels"] {
         assert!(said.contains(word), "'{word}' is not in:\n{said}");
     }
@@ -124,7 +124,7 @@ fn renderings_become_a_sequence_that_can_be_transformed() {
     assert_eq!(json(&said)["lanes"], 14 * 40 * 3);
 
     // A single channel is a monochrome sequence.
-    bench.succeed(&format!("pack{files} --as samples --spp 2 --channels S.G -o mono.exr -q"));
+    bench.succeed(&format!("pack{files} --as samples --spp 2 --layer S.G -o mono.exr -q"));
     let mono = sequence(&bench.path("mono.exr"));
     assert_eq!(mono.batch.lanes(), 14 * 40);
     assert_eq!(mono.batch.last(), &packed.batch.last()[14 * 40..2 * 14 * 40]);
@@ -302,4 +302,136 @@ fn more_sequences_are_merged_than_files_may_be_open() {
     // The mean of 0 … 299, and the lane.
     assert_eq!(merged.batch.last()[..3], [149.5, 150.5, 151.5]);
     assert_eq!(limited("ulimit -n").stdout, b"64\n", "no limit: this test is blind");
+}
+
+/// A picture of 20x12 pixels whose value at (x, y) is 100 y + x, or a part of it, with the
+/// channels and attributes that `change` gives it.
+fn write_part(
+    path: &Path,
+    columns: std::ops::Range<i32>,
+    prefix: &str,
+    change: impl Fn(&mut exr::prelude::ImageAttributes, &mut exr::prelude::LayerAttributes),
+) {
+    use exr::prelude::*;
+    let size = Vec2(columns.len(), 12);
+    let value =
+        |i: usize| (100 * (i / size.0)) as f32 + (columns.start + (i % size.0) as i32) as f32;
+    let channel = |name: &str, factor: f32| {
+        let values = (0..size.area()).map(|i| factor * value(i)).collect();
+        AnyChannel::new(format!("{prefix}{name}").as_str(), FlatSamples::F32(values))
+    };
+    let mut channels = vec![channel("R", 1.0), channel("G", 2.0), channel("B", 3.0)];
+    if !prefix.is_empty() {
+        channels
+            .push(AnyChannel::new("View Layer.Depth.Z", FlatSamples::F32(vec![0.5; size.area()])));
+    }
+    let mut own = LayerAttributes::default().with_position(Vec2(columns.start, 0));
+    let mut frame = ImageAttributes::new(IntegerBounds::from_dimensions((20, 12)));
+    change(&mut frame, &mut own);
+    let layer = Layer::new(size, own, Encoding::FAST_LOSSLESS, AnyChannels::sort(channels.into()));
+    let image = Image { attributes: frame, layer_data: Layers::from_elem(layer, 1) };
+    image.write().to_file(path).expect("a file");
+}
+
+#[test]
+fn parts_of_a_frame_are_compared_where_they_are() {
+    let bench = Bench::new();
+    let write = |name: &str, columns| write_part(&bench.path(name), columns, "", |_, _| {});
+    write("full.exr", 0..20);
+    write("left.exr", 0..16);
+    write("right.exr", 4..20);
+    write("end.exr", 18..20);
+    for (files, size, position) in [
+        ("left.exr right.exr", [12, 12], [4, 0]),
+        ("left.exr full.exr", [16, 12], [0, 0]),
+        ("left.exr right.exr full.exr", [12, 12], [4, 0]),
+        ("full.exr full.exr", [20, 12], [0, 0]),
+    ] {
+        let report = json(&bench.succeed(&format!("compare {files} --json --error-map map.png")));
+        assert_eq!(number(&report["mse"]["error"]), 0.0, "{files}");
+        assert_eq!(report["width"], size[0]);
+        assert_eq!(report["position"][0], position[0]);
+        let notes = report["notes"].as_array().expect("a list").len();
+        assert_eq!(notes, usize::from(files != "full.exr full.exr"), "{files}");
+    }
+    // The values depend on the place: a comparison by rows and columns would see it.
+    let fails = |args: &str, word: &str| {
+        let output = bench.nst(&format!("compare {args}"));
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && said.contains(word), "{args}: {said}");
+    };
+    fails("left.exr end.exr", "in common");
+    write_part(&bench.path("other.exr"), 4..20, "", |frame, _| {
+        frame.display_window = exr::prelude::IntegerBounds::from_dimensions((16, 12));
+    });
+    fails("other.exr full.exr", "parts of one frame");
+}
+
+#[test]
+fn layers_of_pictures_and_of_the_reference_are_chosen_apart() {
+    let bench = Bench::new();
+    write_part(&bench.path("plain.exr"), 0..20, "", |_, _| {});
+    let blender = |name: &str, samples: &str| {
+        write_part(&bench.path(name), 0..20, "View Layer.Combined.", |_, own| {
+            let name = exr::prelude::Text::from("cycles.View Layer.samples");
+            own.other.insert(name, exr::prelude::AttributeValue::Text(samples.into()));
+        });
+    };
+    blender("blender.exr", "16");
+    blender("more.exr", "32");
+    let compare = |args: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_nst"));
+        command.args(["compare", "--json"]).args(args).current_dir(bench.path(""));
+        json(&String::from_utf8_lossy(&command.output().expect("the binary runs").stdout))
+    };
+    let reference = ["plain.exr", "blender.exr"];
+    let chosen = ["plain.exr", "blender.exr", "--reference-layer", "View Layer.Combined"];
+    for args in [&reference[..], &["blender.exr", "plain.exr"], &chosen] {
+        assert_eq!(number(&compare(args)["mse"]["error"]), 0.0, "{args:?}");
+    }
+    assert_eq!(compare(&reference)["reference_layer"], "View Layer.Combined");
+    let depth =
+        ["--layer", "R", "plain.exr", "blender.exr", "--reference-layer", "View Layer.Depth"];
+    assert!(number(&compare(&depth)["mse"]["error"]) > 1.0);
+    // Its samples, too, are found without an option.
+    bench.succeed("pack blender.exr -o seq.exr --quiet");
+    assert_eq!(sequence(&bench.path("seq.exr")).info.sample_counts, [16]);
+    let output = bench.nst("pack blender.exr more.exr -o other.exr");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && said.contains("16") && said.contains("32"), "{said}");
+}
+
+#[test]
+fn other_primaries_are_told() {
+    let bench = Bench::new();
+    write_part(&bench.path("plain.exr"), 0..20, "", |_, _| {});
+    write_part(&bench.path("aces.exr"), 0..20, "", |frame, _| {
+        use exr::prelude::Vec2;
+        frame.chromaticities = Some(exr::meta::attribute::Chromaticities {
+            red: Vec2(0.713, 0.293),
+            green: Vec2(0.165, 0.83),
+            blue: Vec2(0.128, 0.044),
+            white: Vec2(0.32168, 0.33767),
+        });
+    });
+    for command in
+        ["compare aces.exr plain.exr", "info aces.exr", "pack aces.exr --spp 4 -o seq.exr"]
+    {
+        let said = bench.succeed(command);
+        assert!(said.contains("ACEScg (AP1)"), "{command}:\n{said}");
+        assert!(!bench.succeed(&command.replace("aces.exr", "plain.exr")).contains("AP1"));
+    }
+    let output = bench.nst("pack aces.exr plain.exr --spp 4 -o other.exr");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && said.contains("other primaries"), "{said}");
+}
+
+#[test]
+fn sequences_are_not_packed_as_pictures() {
+    let bench = Bench::new();
+    render(&bench, 1..=2, "--spp 8 --size 8x8");
+    let output = bench.nst("pack s1.exr s2.exr --spp 8 -o seq.exr");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && said.contains("nst merge"), "{said}");
+    bench.succeed("pack r1.exr r2.exr --spp 8 -o seq.exr --quiet");
 }

@@ -161,14 +161,43 @@ fn any_obj_renders_without_sidecar_material_or_light() {
     let bench = Bench::new();
     bench.write("pyramid.obj", PYRAMID);
     let said = bench.succeed("render --scene pyramid.obj --spp 8 --size 32x32");
-    for word in ["bounding box", "grey material", "white environment", "transform  none"] {
+    for word in ["frames the scene", "grey material", "a studio", "transform  none"] {
         assert!(said.contains(word), "'{word}' is not in:\n{said}");
     }
-    let picture = picture(&bench.path("pyramid.exr"));
-    // The corner sees the white environment, the middle sees grey faces.
-    assert_eq!(picture[0], 1.0);
-    let middle = picture[16 * 32 + 16];
-    assert!((0.5..0.9).contains(&middle), "{middle}");
+    // The corner sees the background, the middle sees faces.
+    let corner_and_middle = |options: &str| {
+        let render = "render --scene pyramid.obj --spp 8 --size 32x32 --quiet";
+        bench.succeed(&format!("{render} {options}"));
+        let picture = picture(&bench.path("pyramid.exr"));
+        [picture[0], picture[16 * 32 + 16]]
+    };
+    let [corner, middle] = corner_and_middle("");
+    assert!((0.05..0.2).contains(&corner) && (0.2..1.0).contains(&middle), "{corner} {middle}");
+    let [corner, middle] = corner_and_middle("--light white");
+    assert!(corner == 1.0 && (0.5..0.9).contains(&middle), "{middle}");
+    assert_eq!(corner_and_middle("--light none"), [0.0; 2]);
+    let [corner, middle] = corner_and_middle("--light sky");
+    assert!(corner > 0.1 && middle > 0.1 && corner != middle, "{corner} {middle}");
+    // From very near, all is pyramid.
+    let near = "--camera-position 0.1,0.2,1 --camera-target 0,0.2,0 --camera-fov 10 --light white";
+    assert!(corner_and_middle(near)[0] < 0.9);
+    // The sidecar says the same, and the command line more.
+    bench.write("pyramid.toml", "[environment]\nlight = 'white'\n");
+    assert_eq!(corner_and_middle("")[0], 1.0);
+    assert_eq!(corner_and_middle("--light none"), [0.0; 2]);
+    let says = |option: &str, word: &str| {
+        let output = bench.nst(&format!("render --scene pyramid.obj {option}"));
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && error.contains(word), "{option}: {error}");
+    };
+    says("--camera-position 1,2", "three numbers");
+    says("--camera-fov 190", "camera's vertical_fov must lie between");
+    says("--camera-position 1,2,3 --camera-target 1,2,3", "camera's target must differ");
+    bench.write("pyramid.toml", "\n[environment]\nlight = 'bright'\n");
+    says(
+        "",
+        "line 3: [environment] light 'bright' is no light; there are studio, sky, white, none",
+    );
 }
 
 #[test]

@@ -43,11 +43,10 @@ pub struct Part {
     pub size: [u32; 2],
     /// The left upper corner of the data window.
     pub position: [i32; 2],
-    /// Width and height of the display window, which is the whole picture: the data window
-    /// may be a part of it, or larger.
-    pub display_size: [u32; 2],
-    /// The left upper corner of the display window.
-    pub display_position: [i32; 2],
+    /// What is to be seen: the picture's frame, of which the data window may be a part.
+    pub display: Window,
+    /// Red, green, blue and white in CIE xy, where the file says it.
+    pub chromaticities: Option<[[f32; 2]; 4]>,
     /// How its pixels are compressed, and whether in scan lines or tiles.
     pub storage: String,
     /// Whether it is deep: each pixel has its own number of samples.
@@ -56,6 +55,32 @@ pub struct Part {
     pub channels: Vec<Channel>,
     /// The attributes that are text or a number.
     pub attributes: BTreeMap<String, String>,
+}
+
+/// A rectangle of pixels, in coordinates that the windows of a file have in common; y points
+/// down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// The left upper corner.
+    pub position: [i32; 2],
+    /// Width and height, in pixels.
+    pub size: [u32; 2],
+}
+
+impl Window {
+    /// What two windows have in common; `None` if that is nothing.
+    #[must_use]
+    pub fn intersection(&self, other: &Self) -> Option<Self> {
+        let span = |axis: usize| {
+            let ends = [self, other]
+                .map(|window| i64::from(window.position[axis]) + i64::from(window.size[axis]));
+            let start = self.position[axis].max(other.position[axis]);
+            let length = ends[0].min(ends[1]) - i64::from(start);
+            (length > 0).then_some((start, length as u32))
+        };
+        let ((x, width), (y, height)) = (span(0)?, span(1)?);
+        Some(Self { position: [x, y], size: [width, height] })
+    }
 }
 
 /// One channel of a part.
@@ -113,6 +138,12 @@ impl ExrHeader {
         Ok(Self { parts })
     }
 
+    /// Whether it is a sequence file of this program.
+    #[must_use]
+    pub fn is_sequence(&self) -> bool {
+        self.parts.first().is_some_and(|part| part.attributes.contains_key("nst.terms"))
+    }
+
     /// All layers that are pictures: R, G and B, or Y, or any channel that is alone in its
     /// layer.
     #[must_use]
@@ -128,8 +159,9 @@ impl ExrHeader {
         layers
     }
 
-    /// Finds the layer of a name; without a name, the main picture, or else the only layer,
-    /// or the only one of R, G and B, or of these the only one that is called `Combined`.
+    /// Finds the layer of a name. Without a name, it is the main picture, or the only layer,
+    /// or `Combined`, as Blender names the picture beside its passes, or the only layer of R,
+    /// G and B beside single channels.
     ///
     /// # Errors
     /// What is wrong, and which layers there are.
@@ -144,27 +176,20 @@ impl ExrHeader {
             if let Some(main) = layers.iter().position(|layer| layer.name.is_empty()) {
                 return Ok(layers.swap_remove(main));
             }
-            if layers.is_empty() {
-                let channels = self.channel_names().join(", ");
-                let has = |name: &str| self.all_channels().any(|c| self.channel(c).ends_with(name));
-                return Err(if has("RY") && has("BY") {
-                    format!(
-                        "luminance and chroma ({channels}) are not supported; save it as R, G and B"
-                    )
-                } else {
-                    format!("no channels R, G, B or Y; name one of its channels: {channels}")
-                });
+            if let [combined] = combined(&layers)[..] {
+                return Ok(layers.swap_remove(combined));
             }
-            let several = format!("it has several layers, name one of them: {names}");
+            if layers.is_empty() {
+                return Err(self.no_picture());
+            }
             if layers.len() > 1 {
-                // Depth, masks and the like, which are single channels, accompany a picture.
+                // Depth, masks and other single channels accompany a picture.
                 layers.retain(|layer| layer.channels.len() == 3);
             }
-            if layers.len() > 1 {
-                // Blender's name for the picture that its passes make up.
-                layers.retain(|layer| layer.name.rsplit('.').next() == Some("Combined"));
-            }
-            return if layers.len() == 1 { Ok(layers.swap_remove(0)) } else { Err(several) };
+            return match layers.len() {
+                1 => Ok(layers.swap_remove(0)),
+                _ => Err(format!("it has several layers, name one of them: {names}")),
+            };
         };
         if let Some(found) = layers.iter().position(|layer| layer.name == name) {
             return Ok(layers.swap_remove(found));
@@ -181,15 +206,23 @@ impl ExrHeader {
         ))
     }
 
+    /// What to say of a file without a layer that is a picture.
+    fn no_picture(&self) -> String {
+        let names = self.channel_names();
+        let has = |end: &str| names.iter().any(|name| name.ends_with(end));
+        let list = names.join(", ");
+        if has("RY") && has("BY") {
+            format!("luminance and chroma ({list}) are not supported; save it as R, G and B")
+        } else {
+            format!("no channels R, G, B or Y; name one of its channels: {list}")
+        }
+    }
+
     fn all_channels(&self) -> impl Iterator<Item = (usize, usize)> {
         let channels = |(index, part): (usize, &Part)| {
             (0..part.channels.len()).map(move |channel| (index, channel))
         };
         self.parts.iter().enumerate().flat_map(channels)
-    }
-
-    fn channel(&self, (part, channel): (usize, usize)) -> &str {
-        &self.parts[part].channels[channel].name
     }
 
     fn channel_names(&self) -> Vec<String> {
@@ -214,6 +247,18 @@ impl ExrHeader {
             _ => name.to_owned(),
         }
     }
+}
+
+/// The layers that end in Blender's name for the picture; what its compositor has made of
+/// them counts only if there is nothing else.
+fn combined(layers: &[Layer]) -> Vec<usize> {
+    let all = layers.iter().enumerate().filter_map(|(i, layer)| {
+        let view = layer.name.strip_suffix("Combined")?;
+        (view.is_empty() || view.ends_with('.')).then_some((i, view))
+    });
+    let (composites, views): (Vec<_>, Vec<_>) = all.partition(|&(_, view)| view == "Composite.");
+    let found = if views.is_empty() { composites } else { views };
+    found.into_iter().map(|(i, _)| i).collect()
 }
 
 impl Part {
@@ -280,9 +325,14 @@ fn part(header: &RawHeader) -> Part {
         // The library refuses windows beyond 2³⁰.
         size: [window.size.x() as u32, window.size.y() as u32],
         position: [window.position.x(), window.position.y()],
-        display_size: [display.size.x(), display.size.y()]
-            .map(|length| u32::try_from(length).unwrap_or(u32::MAX)),
-        display_position: [display.position.x(), display.position.y()],
+        display: Window {
+            position: [display.position.x(), display.position.y()],
+            size: [display.size.x() as u32, display.size.y() as u32],
+        },
+        chromaticities: header
+            .shared_attributes
+            .chromaticities
+            .map(|c| [c.red, c.green, c.blue, c.white].map(|point| [point.x(), point.y()])),
         storage: format!("{}, {}", header.compression, if tiled { "tiles" } else { "scan lines" }),
         deep: header.deep,
         channels: channels.collect(),
@@ -301,8 +351,8 @@ mod tests {
             name: name.map(str::to_owned),
             size: [1, 1],
             position: [0, 0],
-            display_size: [1, 1],
-            display_position: [0, 0],
+            display: Window { position: [0, 0], size: [1, 1] },
+            chromaticities: None,
             storage: String::new(),
             deep: false,
             channels: channels.iter().map(channel).collect(),
@@ -339,22 +389,34 @@ mod tests {
     }
 
     #[test]
-    fn without_a_main_picture_there_must_be_one_of_colors() {
-        let of = |name: &str| ["B", "G", "R"].map(|channel| format!("{name}.{channel}"));
-        let [combined, diffuse, gloss] = ["View.Combined", "View.Diffuse", "View.Gloss"].map(of);
-        let names = |lists: &[&[String]]| lists.concat();
-        let choose = |channels: &[String]| {
-            let channels: Vec<_> = channels.iter().map(String::as_str).collect();
-            header(&[(None, &channels)]).choose(None).map(|layer| layer.name)
-        };
-        assert_eq!(choose(&combined).expect("one layer"), "View.Combined");
-        let depth = ["View.Depth.Z".to_owned(), "View.Mist.V".to_owned()];
-        assert_eq!(choose(&names(&[&combined, &depth])).expect("one of colors"), "View.Combined");
-        assert_eq!(choose(&names(&[&combined, &diffuse])).expect("combined"), "View.Combined");
-        let several = "name one of them: View.Diffuse, View.Gloss";
-        assert!(choose(&names(&[&diffuse, &gloss])).is_err_and(|e| e.contains(several)));
-        let data = "name one of them: View.Depth, View.Mist";
-        assert!(choose(&depth).is_err_and(|e| e.contains(data)));
+    fn blenders_picture_needs_no_name() {
+        let rgba: &[&str] = &["A", "B", "G", "R"];
+        fn choose(parts: &[(Option<&str>, &[&str])]) -> Result<String, String> {
+            header(parts).choose(None).map(|layer| layer.name)
+        }
+        let view = |name| (Some(name), rgba);
+        let passes = [view("ViewLayer.Combined"), view("ViewLayer.Normal")];
+        assert_eq!(choose(&passes), Ok("ViewLayer.Combined".into()));
+        let composite = [view("Composite.Combined"), passes[0], passes[1]];
+        assert_eq!(choose(&composite), Ok("ViewLayer.Combined".into()));
+        let composited = [composite[0], view("Composite.Mist")];
+        assert_eq!(choose(&composited), Ok("Composite.Combined".into()));
+        let one_part: &[&str] = &["V.Combined.B", "V.Combined.G", "V.Combined.R", "V.Depth.Z"];
+        assert_eq!(choose(&[(None, one_part)]), Ok("V.Combined".into()));
+        let two = [passes[0], view("Other.Combined")];
+        assert!(choose(&two).is_err_and(|e| e.contains("ViewLayer.Combined, Other.Combined")));
+        assert!(choose(&[view("Uncombined"), view("Normal")]).is_err());
+    }
+
+    #[test]
+    fn windows_have_pixels_in_common() {
+        let window = |position, size| Window { position, size };
+        let a = window([0, 0], [16, 12]);
+        assert_eq!(a.intersection(&window([4, 2], [16, 12])), Some(window([4, 2], [12, 10])));
+        assert_eq!(a.intersection(&window([-5, -5], [99, 99])), Some(a));
+        assert_eq!(a.intersection(&window([16, 0], [1, 12])), None);
+        let far = window([i32::MAX - 1, 0], [u32::MAX, 1]);
+        assert_eq!(far.intersection(&far), Some(far));
     }
 
     #[test]
@@ -362,7 +424,11 @@ mod tests {
         let rgb: &[&str] = &["B", "G", "R"];
         let file = header(&[(Some("beauty"), rgb), (Some("aov"), &["aov.V", "mist.V"])]);
         assert_eq!(names(&file), ["beauty", "aov", "aov.mist"]);
-        assert_eq!(file.choose(None).expect("the only one of colors").name, "beauty");
+        assert_eq!(file.choose(None).expect("the only one of colours").name, "beauty");
+        let two = header(&[(Some("beauty"), rgb), (Some("other"), rgb), (Some("aov"), &["V"])]);
+        assert!(two.choose(None).is_err_and(|e| e.contains("beauty, other, aov")));
+        let data = header(&[(Some("depth"), &["Z"]), (Some("mist"), &["V"])]);
+        assert!(data.choose(None).is_err_and(|e| e.contains("depth.Z, mist.V")));
         assert_eq!(file.choose(Some("aov.mist")).expect("mist").part, 1);
         assert_eq!(file.choose(Some("beauty.G")).expect("G").channels, [1]);
     }

@@ -26,6 +26,7 @@ pub mod picture_writer;
 pub mod png;
 mod rows;
 pub mod sequence_file;
+mod temporary;
 
 pub use error::Error;
 pub use layers::ColorModel;
@@ -36,5 +37,6 @@ pub mod output {
     pub use crate::{
         output_file::{OutputFile, commit},
         outputs::{Kind, Name, Outputs},
+        temporary::abandon_all,
     };
 }

@@ -5,20 +5,19 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use tempfile::NamedTempFile;
-
-use crate::Error;
+use crate::{Error, temporary::Temporary};
 
 /// The program that wrote a file, as the files of this crate name it.
 pub(crate) const SOFTWARE: &str = concat!("nst ", env!("CARGO_PKG_VERSION"));
 
 /// A file that is written under a temporary name in the folder of its own, and renamed by
 /// [`commit`]. If it is dropped before that, it is deleted. A process that is killed leaves
-/// the temporary file, `.nst-….tmp`, and the old file, if there was one. Opening an output
-/// before a long computation shows early whether it can be written.
+/// the temporary file, `.nst-….tmp`, which the next output in that folder deletes, and the
+/// old file, if there was one. Opening an output before a long computation shows early
+/// whether it can be written.
 #[derive(Debug)]
 pub struct OutputFile {
-    file: NamedTempFile,
+    file: Temporary,
     path: PathBuf,
     /// Where the file will be: `path`, or what it links to.
     target: PathBuf,
@@ -45,12 +44,7 @@ impl OutputFile {
         if old.as_ref().is_some_and(|file| file.permissions().readonly()) {
             return Err(Error::output(path, "the file there is read-only; give another name"));
         }
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".nst-").suffix(".tmp");
-        // A temporary file is private by default; an output follows the umask.
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let file = builder.tempfile_in(folder_of(&target)).map_err(failed)?;
+        let file = Temporary::create(folder_of(&target)).map_err(failed)?;
         // Who could not read the old file cannot read the new one.
         if let Some(old) = old {
             file.as_file().set_permissions(old.permissions()).map_err(failed)?;
@@ -102,7 +96,7 @@ pub fn commit(outputs: impl IntoIterator<Item = OutputFile>) -> Result<(), Error
         stored.map_err(|error| Error::io("write", &output.path, error))?;
     }
     for OutputFile { file, path, target } in outputs {
-        file.persist(&target).map_err(|error| Error::io("write", &path, error.error))?;
+        file.persist(&target).map_err(|error| Error::io("write", &path, error))?;
     }
     Ok(())
 }

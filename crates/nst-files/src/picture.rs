@@ -22,7 +22,7 @@ use rayon::prelude::*;
 
 use crate::{
     Error,
-    header::{ExrHeader, Part, open},
+    header::{ExrHeader, Part, Window, open},
 };
 
 /// A layer of an EXR file whose header has been read and checked; its pixels
@@ -37,21 +37,22 @@ pub struct Picture {
     pub size: [u32; 2],
     /// Where the data window's left upper corner lies.
     pub position: [i32; 2],
-    /// Width and height in pixels of the display window.
-    pub display_size: [u32; 2],
-    /// Where the display window's left upper corner lies.
-    pub display_position: [i32; 2],
+    /// The frame of the picture, of which the data window may be a part.
+    pub display: Window,
+    /// Red, green, blue and white in CIE xy, where the file says it.
+    pub chromaticities: Option<[[f32; 2]; 4]>,
     /// The layer's name; empty for the main picture.
     pub layer: String,
     /// The names of its channels: R, G and B, or one.
     pub channel_names: Vec<String>,
-    /// The attribute `samplesPerPixel`, where the file has it as a whole number above 0.
+    /// The attribute `samplesPerPixel`, or Blender's `cycles.VIEW.samples`, where the file
+    /// has it as a whole number above 0.
     pub samples_per_pixel: Option<u32>,
 }
 
 impl Picture {
     /// Reads the header of a file and picks a layer: the named one, else the main picture,
-    /// else the only one, or the only one of R, G and B, or of these the one called `Combined`. The name of a layer is the part of its channels' names before the
+    /// else the only one. The name of a layer is the part of its channels' names before the
     /// last dot, the name of its part of the file, or both; a single channel by its whole
     /// name.
     ///
@@ -87,10 +88,10 @@ impl Picture {
             part: layer.part,
             size: part.size,
             position: part.position,
-            display_size: part.display_size,
-            display_position: part.display_position,
+            display: part.display,
+            chromaticities: part.chromaticities,
             channel_names: channels().map(|channel| channel.name.clone()).collect(),
-            samples_per_pixel: samples_per_pixel(part),
+            samples_per_pixel: samples_per_pixel(part, &layer.name),
             channels: layer.channels,
             layer: layer.name,
         })
@@ -108,6 +109,53 @@ impl Picture {
     /// As of [`Self::read_rows`].
     pub fn read(&self) -> Result<Vec<f32>, Error> {
         self.read_rows(0..self.size[1])
+    }
+
+    /// The data window: which pixels of the frame the file has.
+    #[must_use]
+    pub fn window(&self) -> Window {
+        Window { position: self.position, size: self.size }
+    }
+
+    /// Reads a part of the data window, as planar lanes: `[channel][y][x]`.
+    ///
+    /// # Errors
+    /// As of [`Self::read_rows`].
+    ///
+    /// # Panics
+    /// If the data window does not contain it.
+    pub fn read_window(&self, part: &Window) -> Result<Vec<f32>, Error> {
+        assert_eq!(self.window().intersection(part), Some(*part), "{:?}", self.window());
+        let from = |axis: usize| (part.position[axis] - self.position[axis]) as u32;
+        let lanes = self.read_rows(from(1)..from(1) + part.size[1])?;
+        if part.size[0] == self.size[0] {
+            return Ok(lanes);
+        }
+        let (first, width) = (from(0) as usize, part.size[0] as usize);
+        let rows = lanes.chunks_exact(self.size[0] as usize);
+        Ok(rows.flat_map(|row| &row[first..first + width]).copied().collect())
+    }
+
+    /// What to tell about colours that are not in the primaries of sRGB: nothing here
+    /// converts them.
+    #[must_use]
+    pub fn primaries_note(&self) -> Option<String> {
+        let primaries = self.chromaticities?;
+        let is_near = |other: &[[f32; 2]; 4]| {
+            primaries
+                .iter()
+                .flatten()
+                .zip(other.iter().flatten())
+                .all(|(a, b)| (a - b).abs() < 2e-3)
+        };
+        let (name, known) = PRIMARIES[0];
+        if is_near(&known) {
+            return None;
+        }
+        let found = PRIMARIES.iter().find(|(_, known)| is_near(known));
+        let whose = found.map_or("others", |(name, _)| name);
+        let path = self.path.display();
+        Some(format!("'{path}' has not the primaries of {name}, but {whose}: taken as they are"))
     }
 
     /// Reads some rows, counted from the top, as planar lanes: `[channel][y][x]`.
@@ -244,9 +292,27 @@ fn read_line(line: &LineRef<'_>, kind: SampleType, lanes: &mut [f32]) -> exr::er
     Ok(())
 }
 
-/// pbrt writes an integer; other programs write text or a float.
-fn samples_per_pixel(part: &Part) -> Option<u32> {
-    let number = part.attributes.get("samplesPerPixel")?.trim().parse::<f64>().ok()?;
+/// Chromaticities in CIE xy, from ITU-R BT.709 and BT.2020, SMPTE EG 432-1 (P3), and the
+/// Academy's S-2014-004 and TB-2014-004.
+const PRIMARIES: [(&str, [[f32; 2]; 4]); 5] = {
+    const D65: [f32; 2] = [0.3127, 0.3290];
+    const ACES: [f32; 2] = [0.32168, 0.33767];
+    [
+        ("sRGB", [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06], D65]),
+        ("Rec. 2020", [[0.708, 0.292], [0.170, 0.797], [0.131, 0.046], D65]),
+        ("Display P3", [[0.680, 0.320], [0.265, 0.690], [0.150, 0.060], D65]),
+        ("ACEScg (AP1)", [[0.713, 0.293], [0.165, 0.830], [0.128, 0.044], ACES]),
+        ("ACES (AP0)", [[0.7347, 0.2653], [0.0, 1.0], [0.0001, -0.0770], ACES]),
+    ]
+};
+
+/// pbrt writes an integer; other programs write text or a float; Blender, one for each view
+/// layer.
+fn samples_per_pixel(part: &Part, layer: &str) -> Option<u32> {
+    let view = layer.split('.').next().unwrap_or_default();
+    let names = ["samplesPerPixel".to_owned(), format!("cycles.{view}.samples")];
+    let text = names.iter().find_map(|name| part.attributes.get(name))?;
+    let number = text.trim().parse::<f64>().ok()?;
     (number >= 1.0 && number <= f64::from(u32::MAX) && number.fract() == 0.0)
         .then_some(number as u32)
 }
@@ -315,6 +381,50 @@ mod tests {
     }
 
     #[test]
+    fn windows_within_the_data_window() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("x.exr");
+        let encoding = Encoding {
+            compression: Compression::ZIP16,
+            blocks: Blocks::ScanLines,
+            line_order: LineOrder::Increasing,
+        };
+        write_file(&path, encoding, Vec2(-3, 7), &["Y"]);
+        let picture = Picture::open(&path, None).expect("a picture");
+        let part = Window { position: [-1, 20], size: [4, 2] };
+        let expected: Vec<_> =
+            [13, 14].iter().flat_map(|&y| (2..6).map(move |x| value(0, x, y))).collect();
+        assert_eq!(picture.read_window(&part).expect("pixels"), expected);
+        let whole = picture.read_window(&picture.window()).expect("pixels");
+        assert_eq!(whole, picture.read().expect("pixels"));
+    }
+
+    #[test]
+    fn foreign_primaries_are_told() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("x.exr");
+        let note = |chromaticities: Option<[[f32; 2]; 4]>| {
+            let mut image =
+                Image::from_channels((1, 1), SpecificChannels::rgb(|_| (0.0, 0.0, 0.0)));
+            image.attributes.chromaticities = chromaticities.map(|c| {
+                let [red, green, blue, white] = c.map(|[x, y]| Vec2(x, y));
+                exr::meta::attribute::Chromaticities { red, green, blue, white }
+            });
+            image.write().to_file(&path).expect("a file");
+            Picture::open(&path, None).expect("a picture").primaries_note()
+        };
+        assert_eq!(note(None), None);
+        assert_eq!(note(Some(PRIMARIES[0].1)), None);
+        for (name, primaries) in &PRIMARIES[1..] {
+            let note = note(Some(*primaries)).expect("a note");
+            assert!(note.contains(name) && note.contains("x.exr"), "{note}");
+        }
+        let mut odd = PRIMARIES[0].1;
+        odd[1][0] = 0.25;
+        assert!(note(Some(odd)).expect("a note").contains("others"));
+    }
+
+    #[test]
     fn damaged_files_are_refused() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("x.exr");
@@ -347,17 +457,21 @@ mod tests {
             name: None,
             size: [1, 1],
             position: [0, 0],
-            display_size: [1, 1],
-            display_position: [0, 0],
+            display: Window { position: [0, 0], size: [1, 1] },
+            chromaticities: None,
             storage: String::new(),
             deep: false,
             channels: Vec::new(),
             attributes: [("samplesPerPixel".to_owned(), text.to_owned())].into(),
         };
-        assert_eq!(samples_per_pixel(&part("16")), Some(16));
-        assert_eq!(samples_per_pixel(&part("16.0")), Some(16));
+        assert_eq!(samples_per_pixel(&part("16"), ""), Some(16));
+        assert_eq!(samples_per_pixel(&part("16.0"), ""), Some(16));
         for bad in ["0", "-1", "1.5", "many", "NaN", "1e99"] {
-            assert_eq!(samples_per_pixel(&part(bad)), None, "{bad}");
+            assert_eq!(samples_per_pixel(&part(bad), ""), None, "{bad}");
         }
+        let mut blender = part("");
+        blender.attributes = [("cycles.My view.samples".to_owned(), "32".to_owned())].into();
+        assert_eq!(samples_per_pixel(&blender, "My view.Combined"), Some(32));
+        assert_eq!(samples_per_pixel(&blender, "Other.Combined"), None);
     }
 }

@@ -31,7 +31,7 @@ mod tiles;
 
 pub use camera::{Camera, PixelFilter};
 pub use error::Error;
-pub use load::LoadOptions;
+pub use load::{Lighting, LoadOptions, View};
 pub use material::{Disney, Material, Scattering};
 pub use memory::check_memory;
 pub use render::{Control, render, render_from};

@@ -4,7 +4,7 @@
 use std::{
     ops::Range,
     sync::{Mutex, PoisonError},
-    time::Instant,
+    time::{Duration, Instant},
 };
 
 use glam::Vec2;
@@ -24,7 +24,8 @@ use crate::{
 pub struct Control<'a> {
     /// Is called with the number of paths of each tile that is done.
     pub progress: &'a (dyn Fn(u64) + Sync),
-    /// Is asked after each pass over the picture whether to stop there.
+    /// Is asked after each pass over the picture whether to stop there: every few tenths of
+    /// a second, or as long as one sample per pixel takes.
     pub stop: &'a (dyn Fn() -> bool + Sync),
 }
 
@@ -32,13 +33,14 @@ pub struct Control<'a> {
 /// enough to fill packets of sixteen.
 const BATCH: u32 = 8;
 
-/// The paths of a pass, unless that is less than one sample per pixel, or more than
-/// [`MOST_SPP_PER_PASS`]. Threads wait for each other at the end of a pass: after a million
-/// paths, this time does not matter.
-const PATHS_PER_PASS: u64 = 1 << 20;
+/// The paths of the first pass, unless that is less than one sample per pixel, or more than
+/// [`MOST_FIRST_SPP`]: some tenths of a second for most scenes.
+const FIRST_PATHS: u64 = 1 << 18;
+const MOST_FIRST_SPP: u64 = 16;
 
-/// The most samples of a pixel in a pass: Ctrl-C ends a rendering after one.
-const MOST_SPP_PER_PASS: u64 = 16;
+/// How long a pass should take. A rendering can only stop after one, and threads wait for
+/// each other at its end.
+const PASS_TIME: Duration = Duration::from_millis(300);
 
 /// Renders a scene. The result depends on the scene and the settings alone, not
 /// on the number of threads. `progress` is called with the number of paths of
@@ -114,12 +116,13 @@ impl<'a> Frame<'a> {
         control: Control<'_>,
     ) -> u32 {
         let pixels = u64::from(self.size[0]) * u64::from(self.size[1]);
-        let step = PATHS_PER_PASS.div_ceil(pixels).clamp(1, MOST_SPP_PER_PASS) as u32;
+        let mut step = FIRST_PATHS.div_ceil(pixels).clamp(1, MOST_FIRST_SPP) as u32;
         let workspaces: Vec<Mutex<Workspace>> =
             (0..rayon::current_num_threads()).map(|_| Mutex::default()).collect();
         let mut n = first;
         loop {
             let pass = n..spp.min(n.saturating_add(step));
+            let begin = Instant::now();
             // Tiles differ in cost: each is a task of its own, so that no thread is idle
             // while tiles wait.
             tiles.par_iter_mut().with_max_len(1).for_each(|(tile, film)| {
@@ -138,6 +141,7 @@ impl<'a> Frame<'a> {
             if n == spp || (control.stop)() {
                 return n;
             }
+            step = next_step(step, begin.elapsed());
         }
     }
 
@@ -175,6 +179,14 @@ impl<'a> Frame<'a> {
             }
         }
     }
+}
+
+/// The samples per pixel of the next pass, after one of `step` that took `time`: about as
+/// many as take [`PASS_TIME`], and whole batches if that is more than one.
+fn next_step(step: u32, time: Duration) -> u32 {
+    let factor = PASS_TIME.as_secs_f64() / time.as_secs_f64();
+    let next = (f64::from(step) * factor.clamp(0.25, 4.0)).round() as u32;
+    if next > BATCH { next / BATCH * BATCH } else { next.max(1) }
 }
 
 #[cfg(test)]
@@ -218,6 +230,16 @@ mod tests {
                 assert_eq!(part.sums, whole.sums);
             }
         }
+    }
+
+    #[test]
+    fn passes_take_about_the_same_time() {
+        let after = |step, milliseconds| next_step(step, Duration::from_millis(milliseconds));
+        assert_eq!([after(16, 300), after(16, 600), after(1, 600)], [16, 8, 1]);
+        assert_eq!([after(2, 300), after(2, 100), after(3, 100)], [2, 6, 8]);
+        // Neither a moment nor an hour changes much at once.
+        assert_eq!([after(16, 0), after(160, 3_600_000)], [64, 40]);
+        assert_eq!(after(u32::MAX, 0), u32::MAX / BATCH * BATCH);
     }
 
     #[test]

@@ -65,6 +65,9 @@ pub struct Scene {
     pub name: String,
     /// At least one; none has a zero area or a coordinate that is not finite.
     pub triangles: Vec<Triangle>,
+    /// Colours at the corners of each triangle, linear RGB within 0 and 1, which multiply
+    /// that of its material; empty if the file has none.
+    pub vertex_colors: Vec<[[f32; 3]; 3]>,
     /// What the triangles are made of.
     pub materials: Vec<Material>,
     /// Where the picture is taken from.
@@ -95,10 +98,17 @@ impl Scene {
         material.emission * textured(material.emission_texture.as_deref(), triangle, barycentric)
     }
 
-    /// The reflectance or base colour of a point of a triangle.
-    pub(crate) fn color(&self, triangle: &Triangle, barycentric: Vec2) -> Vec3A {
+    /// The reflectance or base colour of a point of the triangle of this index.
+    pub(crate) fn color(&self, triangle: u32, barycentric: Vec2) -> Vec3A {
+        let colors = self.vertex_colors.get(triangle as usize);
+        let triangle = &self.triangles[triangle as usize];
         let material = &self.materials[triangle.material as usize];
-        material.color * textured(material.color_texture.as_deref(), triangle, barycentric)
+        let color =
+            material.color * textured(material.color_texture.as_deref(), triangle, barycentric);
+        match colors {
+            Some(colors) => color * interpolate(colors.map(Vec3A::from), barycentric),
+            None => color,
+        }
     }
 
     /// The largest coordinate: rounding is relative to it, for rays that leave surfaces.
@@ -131,9 +141,9 @@ fn textured(texture: Option<&Texture>, triangle: &Triangle, barycentric: Vec2) -
 }
 
 /// The corners of the axis-aligned bounding box of some triangles.
-pub(crate) fn bounds(triangles: &[Triangle]) -> (Vec3A, Vec3A) {
+pub(crate) fn bounds<'a>(triangles: impl IntoIterator<Item = &'a Triangle>) -> (Vec3A, Vec3A) {
     triangles
-        .iter()
+        .into_iter()
         .flat_map(|triangle| triangle.positions)
         .fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), position| {
             (low.min(position), high.max(position))

@@ -9,7 +9,7 @@ use std::{
     time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 
-use nst_render::{Scene, Texture};
+use nst_render::{LoadOptions, Scene, Texture};
 use proptest::{
     prelude::*,
     sample::Index,
@@ -23,6 +23,14 @@ const OBJ: &str = "# a scene\nmtllib x.mtl\n\
     g other\nusemtl a metal\nf -1 -2 -3\nf 1/1 2/2 7/3 \\\n 8/1\nusemtl light\nf 1//1 2//2 8//-1\n\
     usemtl nowhere\nf 2 3 7\nf 1 1 1\nl 1 2 3\nf 6 7 8\n";
 
+/// The same with faults that are forgiven.
+const FAULTY: &str = "# a scene\nmtllib x.mtl # a library\nMTLLIB \"x.mtl\" gone.mtl\n\
+    v 0 0 0\nv 3 0 0\nv 3 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0\nv 1.5 .5 -1e0 1.0\nv 2 2 2 .1 .2 .3\n\
+    V 1 1 1 1 0.5 0 1\nv nan 0 0\nvt 0 0\nvt 1 0\nvt .5 1\nvt inf 0\nvn 0 0 1\nvn 0 1 0\nvn 1.#IND 0 0\n\
+    o concave\nusemtl textured # a comment\nf 1/1/1 2/2/1 3/3/1 4/1/2 5/2/1 6/3/1\n\
+    g other\nusemtl \"a metal\"\nf -3 -4 -5\nf 1/1 2/2 7/3 \\\n 8/1\nusemtl light\nf 1//1 2//2 8//-1\n\
+    usemtl nowhere\nfo 2 3 7\nf 1 1 1\nl 1 2 3\nusemtl\nf 6/0/9 7/1/3 8//0 and more\nunknown 1\n";
+
 const MTL: &str = "newmtl textured\nKd 0.5 0.5 0.5\nmap_Kd -s 1 1 1 a.png\nmap_d a.png\n\
     newmtl a metal\nKd 0 0 0\nKs .9 .8 .7\nNs 100\nillum 3\nmap_Kd b.jpg\n\
     newmtl light\nKe 5 4 3\nmap_Ke c.exr\nKd .2\n\
@@ -35,7 +43,7 @@ const TOML: &str = "[camera]\nposition = [1.0, 2.0, 9.0]\ntarget = [0, 0, 0]\nve
     [materials.paint]\ncolor = [0.1, 0.2, 0.3]\nroughness = 0.5\n[materials.glass]\nior = 1.4\n";
 
 /// Numbers and words that have broken readers before.
-const EXTREMES: [&str; 28] = [
+const EXTREMES: [&str; 36] = [
     "0",
     "-0",
     "1",
@@ -64,6 +72,14 @@ const EXTREMES: [&str; 28] = [
     "",
     "é",
     "[",
+    "0/0/0",
+    "1.#QNAN",
+    "5000000.25",
+    "255",
+    "\"",
+    "\u{1a}",
+    "\0",
+    "\u{a0}",
 ];
 
 const ENDS: [&[u8]; 4] = [b"\r\n", b"\r", b" \t\n", b"\\\n"];
@@ -80,6 +96,8 @@ enum Damage {
     Insert(Index, Vec<u8>),
     /// All line ends.
     Ends(usize),
+    /// Two bytes for each character, in either order.
+    Wide(bool),
 }
 
 fn damage() -> impl Strategy<Value = Damage> {
@@ -93,6 +111,7 @@ fn damage() -> impl Strategy<Value = Damage> {
         1 => index().prop_map(Damage::Truncate),
         1 => (index(), prop::collection::vec(any::<u8>(), 0..9)).prop_map(|(i, b)| Damage::Insert(i, b)),
         1 => (0..4_usize).prop_map(Damage::Ends),
+        1 => any::<bool>().prop_map(Damage::Wide),
     ]
 }
 
@@ -122,6 +141,8 @@ fn apply(damage: &Damage, mut bytes: Vec<u8>) -> Vec<u8> {
             return bytes;
         }
         Damage::Replace(i, extreme) => return replace_word(&bytes, *i, EXTREMES[*extreme]),
+        Damage::Wide(true) => return bytes.into_iter().flat_map(|byte| [byte, 0]).collect(),
+        Damage::Wide(false) => return bytes.into_iter().flat_map(|byte| [0, byte]).collect(),
         Damage::Ends(kind) => return lines.join(ENDS[*kind]),
         Damage::Drop(i) => drop(lines.remove(i.index(count))),
         Damage::Repeat(i, times) => {
@@ -154,13 +175,13 @@ fn replace_word(bytes: &[u8], index: Index, word: &str) -> Vec<u8> {
     result
 }
 
-/// The whole files; the images are of three by two pixels.
-fn files() -> Vec<(&'static str, Vec<u8>)> {
+/// The whole files, with this OBJ; the images are of three by two pixels.
+fn files(obj: &str) -> Vec<(&'static str, Vec<u8>)> {
     let folder = tempfile::tempdir().expect("a folder");
     let pixels =
         image::RgbImage::from_fn(3, 2, |x, y| image::Rgb([x as u8 * 90, y as u8 * 200, 7]));
     let mut files: Vec<_> =
-        [("x.obj", OBJ), ("x.mtl", MTL), ("x.toml", TOML)].map(|(n, t)| (n, t.into())).into();
+        [("x.obj", obj), ("x.mtl", MTL), ("x.toml", TOML)].map(|(n, t)| (n, t.into())).into();
     for name in ["a.png", "b.jpg", "d.tga", "e.bmp"] {
         let path = folder.path().join(name);
         pixels.save(&path).expect(name);
@@ -193,6 +214,9 @@ fn check(scene: &Scene) -> Result<(), TestCaseError> {
         }
         prop_assert!((triangle.material as usize) < scene.materials.len());
     }
+    let colors = &scene.vertex_colors;
+    prop_assert!(colors.is_empty() || colors.len() == scene.triangles.len());
+    prop_assert!(colors.iter().flatten().flatten().all(|x| (0.0..=1.0).contains(x)));
     for material in &scene.materials {
         let [color, emission] = [material.color, material.emission];
         prop_assert!(color.is_finite() && color.min_element() >= 0.0 && color.max_element() <= 1.0);
@@ -216,7 +240,7 @@ fn check(scene: &Scene) -> Result<(), TestCaseError> {
 
 /// One run of proptest; counts the scenes that loaded and those that did not.
 fn fuzz(seed: u64, cases: u32, counts: &mut [u64; 2]) {
-    let whole = files();
+    let whole = [files(OBJ), files(FAULTY)];
     let folder = tempfile::tempdir().expect("a folder");
     let config = ProptestConfig {
         cases,
@@ -226,22 +250,30 @@ fn fuzz(seed: u64, cases: u32, counts: &mut [u64; 2]) {
     };
     let counts = std::cell::RefCell::new(counts);
     // OBJ, MTL and TOML are damaged more often than the five images.
-    let file = prop_oneof![3 => 0..3_usize, 2 => 3..whole.len()];
-    let damages = prop::collection::vec((file, damage()), 1..4);
-    let result = TestRunner::new(config).run(&damages, |damages| {
-        let mut files = whole.clone();
+    let file = prop_oneof![3 => 0..3_usize, 2 => 3..whole[0].len()];
+    let damages = (0..2_usize, prop::collection::vec((file, damage()), 1..4));
+    let result = TestRunner::new(config).run(&damages, |(obj, damages)| {
+        let mut files = whole[obj].clone();
         for (file, damage) in &damages {
             let bytes = std::mem::take(&mut files[*file].1);
             files[*file].1 = apply(damage, bytes);
         }
         write(folder.path(), &files);
-        match Scene::load(&folder.path().join("x.obj")) {
+        let path = folder.path().join("x.obj");
+        let strict = Scene::load_with(&path, &LoadOptions { strict: true, ..Default::default() });
+        match Scene::load(&path) {
             Ok(scene) => {
                 counts.borrow_mut()[0] += 1;
+                // What is forgiven is refused, or else it is the same scene.
+                let is_same = |strict: Scene| {
+                    strict.fingerprint() == scene.fingerprint() && strict.notes == scene.notes
+                };
+                prop_assert!(strict.map_or(true, is_same));
                 check(&scene)
             }
             Err(error) => {
                 counts.borrow_mut()[1] += 1;
+                prop_assert!(strict.is_err(), "{error}");
                 let message = error.to_string();
                 prop_assert!(!message.is_empty() && message.len() < 2000, "{message}");
                 Ok(())
@@ -256,8 +288,13 @@ fn fuzz(seed: u64, cases: u32, counts: &mut [u64; 2]) {
 #[test]
 fn damaged_files_load_or_fail() {
     let folder = tempfile::tempdir().expect("a folder");
-    write(folder.path(), &files());
-    Scene::load(&folder.path().join("x.obj")).expect("the files are good before they are damaged");
+    let path = folder.path().join("x.obj");
+    for (obj, is_strict) in [(OBJ, true), (FAULTY, false)] {
+        write(folder.path(), &files(obj));
+        Scene::load(&path).expect("the files are good before they are damaged");
+        let strict = Scene::load_with(&path, &LoadOptions { strict: true, ..Default::default() });
+        assert_eq!(strict.is_ok(), is_strict);
+    }
 
     let mut counts = [0; 2];
     fuzz(1, 300, &mut counts);

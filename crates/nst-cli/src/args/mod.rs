@@ -99,13 +99,18 @@ pub(crate) struct InfoArgs {
 /// them, and is split into bias and variance.
 #[derive(Debug, clap::Args)]
 pub(crate) struct CompareArgs {
-    /// EXR pictures of any program, all of the same size; the last is the reference.
+    /// EXR pictures of any program, all of the same frame; the last is the reference. Of
+    /// pictures that are parts of the frame, what all have in common is compared.
     #[arg(value_name = "EXR", required = true)]
     pub(crate) files: Vec<PathBuf>,
-    /// Layer of the pictures to compare, as in S; of the reference, the main picture is
-    /// used. [default: the main picture]
-    #[arg(long, value_name = "NAME")]
+    /// Layer to compare, as in S; or a channel by its whole name. [default: the main
+    /// picture, or the only layer]
+    #[arg(long, value_name = "LAYER")]
     pub(crate) layer: Option<String>,
+    /// Layer of the reference; an empty name is its main picture. [default: that of --layer
+    /// if it has it, else its main picture]
+    #[arg(long, value_name = "LAYER")]
+    pub(crate) reference_layer: Option<String>,
     /// Also write a picture of each pixel's relative squared error, in false colours on a
     /// logarithmic scale.
     #[arg(long, value_name = "PNG", value_parser = ending_in("png"))]

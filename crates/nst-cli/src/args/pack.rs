@@ -15,16 +15,16 @@ pub(crate) struct PackArgs {
     /// EXR files; with --as runs, sequence files.
     #[arg(value_name = "EXR", required = true)]
     pub(crate) files: Vec<PathBuf>,
-    /// What the files are.
+    /// What the files are. [default: samples]
     #[arg(long = "as", value_enum, value_name = "KIND")]
-    pub(crate) kind: PackAs,
+    pub(crate) kind: Option<PackAs>,
     /// Sequence to write (.exr); with --as runs, the dataset (.safetensors).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
     /// Layer to read, as in `diffuse`, or a channel by its whole name. [default: the main
     /// picture, or the only layer]
-    #[arg(long, value_name = "LAYER")]
-    pub(crate) channels: Option<String>,
+    #[arg(long, value_name = "LAYER", alias = "channels")]
+    pub(crate) layer: Option<String>,
     /// With --as samples: samples per pixel of each file. [default: what the files say]
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) spp: Option<u32>,
@@ -41,6 +41,13 @@ pub(crate) struct PackArgs {
     pub(crate) seed: Option<u64>,
     #[command(flatten)]
     pub(crate) common: CommonArgs,
+}
+
+impl PackArgs {
+    /// What the files are.
+    pub(crate) fn kind(&self) -> PackAs {
+        self.kind.unwrap_or(PackAs::Samples)
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

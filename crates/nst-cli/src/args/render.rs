@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use clap::{ArgGroup, ValueEnum};
 use nst_files::output::Name;
-use nst_render::{PixelFilter, SamplerKind};
+use nst_render::{Lighting, LoadOptions, PixelFilter, SamplerKind, View};
 
 use super::{
     common::CommonArgs,
     method::MethodArgs,
-    values::{ending_in, has_extension, size},
+    values::{ending_in, has_extension, point, size},
 };
 use crate::error::Error;
 
@@ -42,6 +42,24 @@ pub(crate) struct RenderArgs {
     /// Which terms of the sequence to store. [default: window; with --runs, all]
     #[arg(long, value_enum, requires = "stored")]
     pub(crate) keep: Option<KeepArg>,
+    /// Where the camera is, in the scene's coordinates, as in 0,1.5,4. [default: the
+    /// scene's, or where it sees the whole scene from the front, +z]
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
+    pub(crate) camera_position: Option<[f64; 3]>,
+    /// What the camera looks at. [default: the scene's, or its middle]
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
+    pub(crate) camera_target: Option<[f64; 3]>,
+    /// The angle between the upper and the lower edge of the picture, in degrees.
+    /// [default: the scene's, or 40]
+    #[arg(long, value_name = "DEGREES")]
+    pub(crate) camera_fov: Option<f32>,
+    /// Light that replaces the scene's environment. [default: the scene's; a studio if
+    /// nothing else emits light]
+    #[arg(long, value_enum)]
+    pub(crate) light: Option<LightArg>,
+    /// Refuse a scene with faults, instead of forgiving them with a note.
+    #[arg(long)]
+    pub(crate) strict: bool,
     /// Film size in pixels, as in 512x512. [default: the scene's]
     #[arg(long, value_name = "WxH", value_parser = size)]
     pub(crate) size: Option<[u32; 2]>,
@@ -68,6 +86,21 @@ pub(crate) struct RenderArgs {
 }
 
 impl RenderArgs {
+    /// How to read the scene.
+    pub(crate) fn load_options(&self) -> LoadOptions {
+        LoadOptions {
+            strict: self.strict,
+            view: View {
+                position: self.camera_position,
+                target: self.camera_target,
+                up: None,
+                vertical_fov: self.camera_fov,
+            },
+            size: self.size,
+            lighting: self.light.map(Into::into),
+        }
+    }
+
     /// Where the picture or the dataset goes.
     pub(crate) fn output(&self, scene: &str) -> Result<PathBuf, Error> {
         let extension = if self.runs.is_some() { "safetensors" } else { "exr" };
@@ -120,6 +153,29 @@ pub(crate) enum IntegratorArg {
     Path,
     /// Lights, and light that reaches the first surface directly.
     Direct,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LightArg {
+    /// Two lamps beside the camera, a dim sky, and a grey background.
+    Studio,
+    /// A clear sky with a sun.
+    Sky,
+    /// Radiance 1 from everywhere.
+    White,
+    /// Nothing: only the scene's own lamps shine.
+    None,
+}
+
+impl From<LightArg> for Lighting {
+    fn from(arg: LightArg) -> Self {
+        match arg {
+            LightArg::Studio => Self::Studio,
+            LightArg::Sky => Self::Sky,
+            LightArg::White => Self::White,
+            LightArg::None => Self::None,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

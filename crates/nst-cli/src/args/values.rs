@@ -11,6 +11,17 @@ pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
         .ok_or_else(|| "a size is two numbers above 0, as in 512x512".to_owned())
 }
 
+/// Three numbers.
+pub(super) fn point(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
+    numbers
+        .and_then(|numbers| <[f64; 3]>::try_from(numbers).ok())
+        .filter(|point| point.iter().all(|x| x.is_finite()))
+        .ok_or_else(|| {
+            "a point is three numbers with commas between them, as in 0,1.5,4".to_owned()
+        })
+}
+
 /// Takes a path with an extension; file names need not be UTF-8.
 pub(super) fn ending_in(extension: &'static str) -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(move |path| {
@@ -36,6 +47,10 @@ mod tests {
         assert_eq!(size("640x480"), Ok([640, 480]));
         for bad in ["640", "640x", "0x3", "-1x3", "1x2x3"] {
             assert!(size(bad).is_err(), "{bad}");
+        }
+        assert_eq!(point("0,-1.5, 4e2"), Ok([0.0, -1.5, 400.0]));
+        for bad in ["1,2", "1,2,3,4", "1,2,x", "1,2,inf", ""] {
+            assert!(point(bad).is_err(), "{bad}");
         }
         let transform = |output| Args::try_parse_from(["nst", "transform", "s.exr", "-o", output]);
         assert!(transform("x.EXR").is_ok() && transform("x.png").is_err());

@@ -1,10 +1,14 @@
 //! `nst compare`: how far pictures are from a reference.
 
-use std::{fmt, path::PathBuf};
+use std::{
+    fmt,
+    path::{Path, PathBuf},
+};
 
 use nst_core::metrics::{Decomposition, EPSILON, Means, Metric, RunErrors, TRIMMED};
 use nst_files::{
     false_color,
+    header::{ExrHeader, Window},
     output::{Kind, Name, OutputFile, Outputs},
     picture::Picture,
 };
@@ -21,8 +25,13 @@ const MAP_SCALE: [f64; 2] = [1e-5, 1e1];
 #[derive(Serialize)]
 pub(super) struct Report {
     reference: String,
+    /// The layers that were compared; empty for main pictures.
+    layer: String,
+    reference_layer: String,
     width: u32,
     height: u32,
+    /// The left upper corner of what was compared.
+    position: [i32; 2],
     channels: usize,
     runs: usize,
     epsilon: f64,
@@ -33,6 +42,7 @@ pub(super) struct Report {
     relmse: Row,
     smape: Row,
     error_map: Option<Map>,
+    notes: Vec<String>,
 }
 
 /// The means of a metric over the runs. Values that need two runs or a squared metric may
@@ -66,20 +76,20 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report, Error> {
     let mut outputs = Outputs::of_inputs(&args.files);
     let open = |path: &PathBuf| outputs.open(path, Kind::Png, Name::Given);
     let mut map = args.error_map.as_ref().map(open).transpose()?;
-    let reference = Picture::open(reference_path, None)?;
+    let reference = open_reference(args, reference_path)?;
     let runs = pictures
         .iter()
         .map(|path| Picture::open(path, args.layer.as_deref()))
         .collect::<Result<Vec<_>, _>>()?;
-    runs.iter().try_for_each(|run| check_comparable(run, &reference))?;
+    let window = common_window(&runs, &reference)?;
 
-    let truth = reference.read()?;
+    let truth = reference.read_window(&window)?;
     let channels = reference.channel_names.len();
     let mut errors = RunErrors::new(&truth, channels)?;
     let mut means = Vec::new();
     let mut nonfinite_pixels = 0;
     for run in &runs {
-        let (run, nonfinite) = errors.push(&run.read()?)?;
+        let (run, nonfinite) = errors.push(&run.read_window(&window)?)?;
         means.push(run);
         nonfinite_pixels += nonfinite;
     }
@@ -88,12 +98,15 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report, Error> {
         Row::new(&of_metric, errors.decomposition(Metric::ALL[index]))
     };
     if let Some(output) = &mut map {
-        false_color::write_png(output, reference.size, errors.relative_error_map(), MAP_SCALE)?;
+        false_color::write_png(output, window.size, errors.relative_error_map(), MAP_SCALE)?;
     }
     let report = Report {
         reference: reference_path.display().to_string(),
-        width: reference.size[0],
-        height: reference.size[1],
+        layer: runs[0].layer.clone(),
+        reference_layer: reference.layer.clone(),
+        width: window.size[0],
+        height: window.size[1],
+        position: window.position,
         channels,
         runs: runs.len(),
         epsilon: EPSILON,
@@ -103,26 +116,67 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report, Error> {
         relmse: row(1),
         smape: row(2),
         error_map: map.as_ref().map(Map::of),
+        notes: notes(&runs, &reference, &window),
     };
     map.map(OutputFile::commit).transpose()?;
     Ok(report)
 }
 
-fn check_comparable(run: &Picture, reference: &Picture) -> Result<(), Error> {
-    let of = |picture: &Picture| {
-        let [width, height] = picture.size;
-        format!("{width}x{height} pixels of {}", picture.channel_names.join(", "))
-    };
-    if run.size == reference.size && run.channel_names.len() == reference.channel_names.len() {
-        return Ok(());
+/// The layer that was asked for; or that of the pictures, if the reference has it.
+fn open_reference(args: &CompareArgs, path: &Path) -> Result<Picture, Error> {
+    if let Some(layer) = &args.reference_layer {
+        return Ok(Picture::open(path, Some(layer))?);
     }
-    Err(Error::Unlike(format!(
-        "'{}' has {}, but the reference '{}' has {}; they must have the same size and number of channels",
+    if let Some(layer) = &args.layer
+        && ExrHeader::read(path)?.choose(Some(layer)).is_ok()
+    {
+        return Ok(Picture::open(path, Some(layer))?);
+    }
+    Ok(Picture::open(path, None)?)
+}
+
+/// The pixels that all pictures have, which are parts of one frame.
+fn common_window(runs: &[Picture], reference: &Picture) -> Result<Window, Error> {
+    let mut common = reference.window();
+    for run in runs {
+        let channels = run.channel_names.len() == reference.channel_names.len();
+        // The same pixels, or parts of the same frame.
+        let frame = run.window() == reference.window() || run.display == reference.display;
+        let found = common.intersection(&run.window()).filter(|_| frame && channels);
+        common = found.ok_or_else(|| unlike(run, reference))?;
+    }
+    Ok(common)
+}
+
+fn unlike(run: &Picture, reference: &Picture) -> Error {
+    let of = |picture: &Picture| {
+        let Window { position: [x, y], size: [width, height] } = picture.window();
+        let [wide, high] = picture.display.size;
+        let channels = picture.channel_names.join(", ");
+        format!("{width}x{height} pixels from ({x}, {y}) of a {wide}x{high} frame, of {channels}")
+    };
+    Error::Unlike(format!(
+        "'{}' has {}, but the reference '{}' has {}; they must be parts of one frame with pixels \
+         in common, and have the same number of channels",
         run.path().display(),
         of(run),
         reference.path().display(),
         of(reference)
-    )))
+    ))
+}
+
+/// What a user should know about the comparison.
+fn notes(runs: &[Picture], reference: &Picture, window: &Window) -> Vec<String> {
+    let all = || runs.iter().chain([reference]);
+    let mut notes: Vec<_> = all().filter_map(Picture::primaries_note).collect();
+    if all().any(|picture| picture.window() != *window) {
+        let Window { position: [x, y], size: [width, height] } = window;
+        notes.push(format!(
+            "the pictures are different parts of their frame: compared are the {width}x{height} \
+             pixels from ({x}, {y}) that all of them have"
+        ));
+    }
+    notes
 }
 
 impl Map {
@@ -180,6 +234,9 @@ impl fmt::Display for Report {
                  below 0"
             )?;
         }
+        for note in &self.notes {
+            writeln!(f, "note: {note}")?;
+        }
         if let Some(map) = &self.error_map {
             writeln!(
                 f,
@@ -195,10 +252,16 @@ impl fmt::Display for Report {
 impl Report {
     fn write_table(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { runs, reference, width, height, .. } = self;
+        let of = |layer: &str| match layer {
+            "" => String::new(),
+            layer => format!(" (layer {layer})"),
+        };
         writeln!(
             f,
-            "{} against {reference}: {width}x{height} pixels, {}",
+            "{}{} against {reference}{}: {width}x{height} pixels, {}",
             plural(*runs, "picture"),
+            of(&self.layer),
+            of(&self.reference_layer),
             plural(self.channels, "channel")
         )?;
         let (spread, parts) = if *runs > 1 {

@@ -55,7 +55,8 @@ struct Seen {
     nonfinite: u64,
 }
 
-/// Opens pictures, and checks that all have the same size, position and number of channels.
+/// Opens pictures, and checks that all have the same size, position, primaries and number of
+/// channels.
 ///
 /// # Errors
 /// [`Error::Io`] or [`Error::Malformed`] names the file and what is wrong, or how it differs
@@ -64,6 +65,13 @@ pub fn open(paths: &[PathBuf], layer: Option<&str>) -> Result<Vec<Picture>, Erro
     let mut pictures: Vec<Picture> = Vec::with_capacity(paths.len());
     for path in paths {
         let picture = Picture::open(path, layer)?;
+        if pictures.first().is_some_and(|first| first.chromaticities != picture.chromaticities) {
+            let message = format!(
+                "its colours have other primaries than those of '{}'; all must agree",
+                pictures[0].path().display()
+            );
+            return Err(Error::malformed(path, message));
+        }
         if let Some(first) = pictures.first() {
             let of = |picture: &Picture| {
                 let ([width, height], [x, y]) = (picture.size, picture.position);

@@ -59,10 +59,21 @@ pub(crate) enum Bsdf<'a> {
 impl Prepared {
     /// For Disney, this tabulates how much light is reflected, which takes milliseconds.
     pub(crate) fn new(material: &Material) -> Self {
+        Self::with(material, &[Vec3A::ONE])
+    }
+
+    /// The same, where colours of vertices multiply the material's: any within 0 and 1.
+    pub(crate) fn colored(material: &Material) -> Self {
+        // As bright and as pure as any.
+        Self::with(material, &[Vec3A::ONE, Vec3A::X, Vec3A::Y, Vec3A::Z])
+    }
+
+    /// `factors`: what may multiply the material's colour.
+    fn with(material: &Material, factors: &[Vec3A]) -> Self {
         match material.scattering {
             Scattering::Lambert => Self::Lambert,
             Scattering::Disney(parameters) => {
-                Self::Disney(Box::new(PreparedDisney::new(&parameters, colors(material))))
+                Self::Disney(Box::new(PreparedDisney::new(&parameters, colors(material, factors))))
             }
             Scattering::Dielectric { ior } => Self::Dielectric(Dielectric::new(ior)),
         }
@@ -80,10 +91,13 @@ impl Prepared {
     }
 }
 
-/// Colours whose convex hull contains every colour of the material.
-fn colors(material: &Material) -> impl Iterator<Item = Vec3A> {
+/// Colours whose convex hull contains every colour of the material, or whose brightest and
+/// purest are as bright and as pure.
+fn colors(material: &Material, factors: &[Vec3A]) -> impl Iterator<Item = Vec3A> {
     let texels = material.color_texture.as_ref().map_or(&[[1.0; 3]][..], |t| t.texels());
-    texels.iter().map(|&texel| material.color * Vec3A::from(texel))
+    texels.iter().flat_map(move |&texel| {
+        factors.iter().map(move |factor| material.color * Vec3A::from(texel) * factor)
+    })
 }
 
 impl Bsdf<'_> {

@@ -7,37 +7,40 @@ mod image;
 mod keys;
 mod mtl;
 mod obj;
+mod place;
 mod polygon;
 mod ranges;
 mod report;
+mod room;
 mod sidecar;
+mod studio;
 mod text;
-mod tidy;
 mod units;
+mod view;
 
 use std::path::Path;
 
-use glam::Vec3A;
+use crate::{Error, Scene};
 
-use crate::{Camera, Environment, Error, Scene, Triangle, scene::bounds};
-
-use self::{exact::length_squared, image::Images, report::Report, sidecar::Sidecar, units::Unit};
+use self::{image::Images, obj::Loaded, report::Report, sidecar::Sidecar, studio::Stage};
+pub use self::{studio::Lighting, view::View};
 
 /// A square picture that needs seconds, not minutes.
 const DEFAULT_SIZE: [u32; 2] = [512, 512];
 /// Enough for light from several walls; further vertices add little but time.
 const DEFAULT_MAX_DEPTH: u32 = 8;
-/// In degrees, of the camera that frames a scene: as a lens of 50 mm sees the longer
-/// side of a small picture, without much distortion.
-const DEFAULT_FOV: f32 = 40.0;
-/// sin(`DEFAULT_FOV` / 2), as f32. A constant, as machines differ in their sines.
-const SIN_HALF_FOV: f32 = 0.342_020_12;
 
 /// How to read a scene.
 #[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
     /// Refuses what would otherwise be forgiven with a note.
     pub strict: bool,
+    /// The camera, as far as it is to differ from the sidecar's.
+    pub view: View,
+    /// Width and height of the film in pixels, if it is to differ from the sidecar's.
+    pub size: Option<[u32; 2]>,
+    /// The light that replaces the environment.
+    pub lighting: Option<Lighting>,
 }
 
 impl Scene {
@@ -59,37 +62,49 @@ impl Scene {
     pub fn load_with(path: &Path, options: &LoadOptions) -> Result<Self, Error> {
         let mut report = Report::new(options.strict);
         let mut images = Images::default();
-        let (mut triangles, mut materials) = obj::load(path, &mut images, &mut report)?;
-        let unit = Unit::of(&triangles);
-        unit.scale(&mut triangles, &mut report);
-        drop_degenerate(path, &mut triangles, &mut report)?;
-
+        let Loaded { mut triangles, mut vertex_colors, mut materials, placement } =
+            obj::load(path, &mut images, &mut report)?;
         let sidecar_path = path.with_extension("toml");
         let sidecar = Sidecar::read(&sidecar_path, &mut materials, &mut images, &mut report)?;
-        let camera = match sidecar.camera {
-            Some(camera) => unit.scale_camera(camera, &triangles).ok_or_else(|| {
-                let message = "[camera] is too far from the scene, or too near its target, for f32";
-                Error::scene(&sidecar_path, message)
-            })?,
-            None => {
-                report.note("no camera is given: it frames the bounding box");
-                framing_camera(&triangles)
+        let size = options.size.or(sidecar.size).unwrap_or(DEFAULT_SIZE);
+        let aspect = f64::from(size[0]) / f64::from(size[1]);
+        let view = options.view.or(sidecar.view);
+        if view.position.is_none() {
+            report.note("no camera is given: it frames the scene from the front, +z");
+            if let Some(note) = room::closed_room(&triangles, &materials) {
+                report.note(format!("{note} (--camera-position, --camera-target)"));
+            }
+        }
+        let camera = view.camera(&triangles, &placement, aspect).map_err(|(part, message)| {
+            if options.view.has(part) {
+                Error::Settings(format!("the camera's {part} {message}"))
+            } else {
+                sidecar.camera_error(&sidecar_path, part, message)
+            }
+        })?;
+        let lit = triangles.iter().any(|t| materials[t.material as usize].emits());
+        let environment = match options.lighting.or(sidecar.lighting) {
+            None if sidecar.environment.is_some() || lit => sidecar.environment.unwrap_or_default(),
+            lighting => {
+                let chosen = lighting.unwrap_or(Lighting::Studio);
+                if lighting.is_none() {
+                    report.note(format!("nothing emits light: {} does", chosen.description()));
+                }
+                let (triangles, materials) = (&mut triangles, &mut materials);
+                Stage { triangles, materials, camera: &camera, aspect }.light(chosen)
             }
         };
-        let lit = triangles.iter().any(|t| materials[t.material as usize].emits());
-        let environment = sidecar.environment.unwrap_or_else(|| {
-            if lit {
-                return Environment::default();
-            }
-            report.note("nothing emits light: a uniform white environment does");
-            Environment { radiance: Vec3A::ONE, ..Default::default() }
-        });
+        if !vertex_colors.is_empty() {
+            // Of the studio's lamps.
+            vertex_colors.resize(triangles.len(), [[1.0; 3]; 3]);
+        }
         Ok(Self {
             name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
             triangles,
+            vertex_colors,
             materials,
             camera,
-            size: sidecar.size.unwrap_or(DEFAULT_SIZE),
+            size,
             max_depth: sidecar.max_depth.unwrap_or(DEFAULT_MAX_DEPTH),
             russian_roulette: sidecar.russian_roulette.unwrap_or(true),
             pixel_filter: Default::default(),
@@ -97,41 +112,6 @@ impl Scene {
             notes: report.notes(),
             inputs: report.inputs,
         })
-    }
-}
-
-/// Leaves out the triangles that have no direction: f32 cannot even square their areas.
-fn drop_degenerate(
-    path: &Path,
-    triangles: &mut Vec<Triangle>,
-    report: &mut Report,
-) -> Result<(), Error> {
-    let all = triangles.len();
-    triangles.retain(|triangle| length_squared(triangle.area_vector()).is_normal());
-    if triangles.is_empty() {
-        let message = "all of its faces have zero area; there is nothing to render";
-        return Err(Error::scene(path, message));
-    }
-    if triangles.len() < all {
-        report.note(format!("triangles of zero area, left out: {}", all - triangles.len()));
-    }
-    Ok(())
-}
-
-/// Looks at the middle of the bounding box from the front, a little from the
-/// right and from above, so far away that its bounding sphere fills the picture.
-fn framing_camera(triangles: &[Triangle]) -> Camera {
-    let (low, high) = bounds(triangles);
-    let target = low * 0.5 + high * 0.5;
-    let radius = length_squared(high - low).sqrt() / 2.0;
-    let distance = radius / SIN_HALF_FOV;
-    let direction = Vec3A::new(0.5, 0.35, 1.0);
-    let direction = direction / length_squared(direction).sqrt();
-    Camera {
-        position: target + direction * distance,
-        target,
-        up: Vec3A::Y,
-        vertical_fov: DEFAULT_FOV,
     }
 }
 

@@ -11,69 +11,68 @@ const STRAIGHT: f64 = 1e-6;
 /// far below; polygons that cross themselves are missed by far more.
 const AREA_TOLERANCE: f64 = 1e-6;
 
-/// Cuts polygons into triangles.
+/// Cuts polygons into triangles. Keeps its memory from one to the next.
+#[derive(Default)]
 pub(super) struct Triangulator {
-    earcut: Earcut<f64>,
+    earcut: Option<Earcut<f64>>,
+    flat: Vec<DVec2>,
+    cut: Vec<usize>,
+    triangles: Vec<[usize; 3]>,
     /// How many concave polygons were no use to the ear cutter, so that they became fans.
     pub(super) uncut: usize,
 }
 
 impl Triangulator {
-    pub(super) fn new() -> Self {
-        Self { earcut: Earcut::new(), uncut: 0 }
-    }
-
     /// Corners of triangles that cover the polygon, wound as it is. A convex
     /// polygon becomes a fan about its first corner; a concave one is cut by its
     /// ears, in the plane across its normal (Newell's). Where that fails, as the
     /// polygon crosses itself or has no area, it is a fan too.
-    pub(super) fn triangulate(&mut self, polygon: &[Vec3A]) -> Vec<[usize; 3]> {
-        let fan = || (2..polygon.len()).map(|i| [0, i - 1, i]).collect();
-        if polygon.len() < 4 {
-            return fan();
-        }
-        let flat = flatten(polygon);
-        if flat.is_empty() || is_convex(&flat) {
-            return fan();
-        }
-        self.cut_ears(&flat).unwrap_or_else(|| {
+    pub(super) fn triangulate(&mut self, polygon: &[Vec3A]) -> &[[usize; 3]] {
+        self.triangles.clear();
+        if polygon.len() >= 4 && flatten(polygon, &mut self.flat) && !is_convex(&self.flat) {
+            if self.cut_ears() {
+                return &self.triangles;
+            }
             self.uncut += 1;
-            fan()
-        })
+            self.triangles.clear();
+        }
+        self.triangles.extend((2..polygon.len()).map(|i| [0, i - 1, i]));
+        &self.triangles
     }
 
-    /// `None` where the triangles do not cover the polygon.
-    fn cut_ears(&mut self, polygon: &[DVec2]) -> Option<Vec<[usize; 3]>> {
-        let mut corners: Vec<usize> = Vec::new();
-        self.earcut.earcut(polygon.iter().map(|p| p.to_array()), &[], &mut corners);
-        let triangles: Vec<[usize; 3]> = corners
-            .chunks_exact(3)
-            .map(|c| {
-                let area = (polygon[c[1]] - polygon[c[0]]).perp_dot(polygon[c[2]] - polygon[c[0]]);
-                if area < 0.0 { [c[0], c[2], c[1]] } else { [c[0], c[1], c[2]] }
-            })
-            .collect();
+    /// Whether the triangles cover the polygon.
+    fn cut_ears(&mut self) -> bool {
+        let Self { earcut, flat: polygon, cut, triangles, .. } = self;
+        let earcut = earcut.get_or_insert_with(Earcut::new);
+        earcut.earcut(polygon.iter().map(|p| p.to_array()), &[], cut);
+        triangles.extend(cut.chunks_exact(3).map(|c| {
+            let area = (polygon[c[1]] - polygon[c[0]]).perp_dot(polygon[c[2]] - polygon[c[0]]);
+            if area < 0.0 { [c[0], c[2], c[1]] } else { [c[0], c[1], c[2]] }
+        }));
         let covered: f64 = triangles
             .iter()
             .map(|&[a, b, c]| (polygon[b] - polygon[a]).perp_dot(polygon[c] - polygon[a]))
             .sum();
         let area = twice_area(polygon);
-        ((covered - area).abs() <= AREA_TOLERANCE * area).then_some(triangles)
+        (covered - area).abs() <= AREA_TOLERANCE * area
     }
 }
 
-/// The polygon seen against its normal, so that it winds counterclockwise;
-/// empty if it has no area. In f64, in which no f32 overflows when squared.
-fn flatten(polygon: &[Vec3A]) -> Vec<DVec2> {
+/// The polygon seen against its normal, so that it winds counterclockwise; `false` if it has
+/// no area. In f64, in which no f32 overflows when squared.
+fn flatten(polygon: &[Vec3A], flat: &mut Vec<DVec2>) -> bool {
     let origin = polygon[0].as_dvec3();
-    let corners: Vec<DVec3> = polygon.iter().map(|p| p.as_dvec3() - origin).collect();
-    let normal: DVec3 = corners.windows(2).map(|pair| pair[0].cross(pair[1])).sum();
+    let corner = |p: &Vec3A| p.as_dvec3() - origin;
+    let normal: DVec3 =
+        polygon.windows(2).map(|pair| corner(&pair[0]).cross(corner(&pair[1]))).sum();
     let length = normal.length();
     if !(length > 0.0 && length.is_finite()) {
-        return Vec::new();
+        return false;
     }
     let (right, up) = (normal / length).any_orthonormal_pair();
-    corners.iter().map(|p| DVec2::new(p.dot(right), p.dot(up))).collect()
+    flat.clear();
+    flat.extend(polygon.iter().map(corner).map(|p| DVec2::new(p.dot(right), p.dot(up))));
+    true
 }
 
 fn twice_area(polygon: &[DVec2]) -> f64 {
@@ -96,7 +95,8 @@ mod tests {
 
     /// Whether the triangles cover the polygon, once, and nothing else.
     fn covers(polygon: &[Vec3A], triangles: &[[usize; 3]]) -> bool {
-        let flat = flatten(polygon);
+        let mut flat = Vec::new();
+        assert!(flatten(polygon, &mut flat));
         let area = twice_area(&flat);
         let areas =
             triangles.iter().map(|&[a, b, c]| (flat[b] - flat[a]).perp_dot(flat[c] - flat[a]));
@@ -107,8 +107,9 @@ mod tests {
     }
 
     fn check(polygon: &[Vec3A]) {
-        let triangles = Triangulator::new().triangulate(polygon);
-        assert!(covers(polygon, &triangles), "{polygon:?}: {triangles:?}");
+        let mut triangulator = Triangulator::default();
+        let triangles = triangulator.triangulate(polygon);
+        assert!(covers(polygon, triangles), "{polygon:?}: {triangles:?}");
     }
 
     /// The even-odd rule.
@@ -166,7 +167,7 @@ mod tests {
         let mut polygon = L.map(|[x, y]| Vec3A::new(x, y, 0.0));
         polygon.rotate_left(1);
         assert!(!covers(&polygon, &fan));
-        assert!(!covers(&polygon, &Triangulator::new().triangulate(&polygon)[1..]));
+        assert!(!covers(&polygon, &Triangulator::default().triangulate(&polygon)[1..]));
     }
 
     #[test]
@@ -174,7 +175,7 @@ mod tests {
         let fan = |polygon: &[[f32; 2]]| {
             let corners: Vec<_> = polygon.iter().map(|p| Vec3A::new(p[0], p[1], 0.0)).collect();
             let expected: Vec<_> = (2..corners.len()).map(|i| [0, i - 1, i]).collect();
-            let mut triangulator = Triangulator::new();
+            let mut triangulator = Triangulator::default();
             assert_eq!(triangulator.triangulate(&corners), expected, "{polygon:?}");
             triangulator.uncut
         };
@@ -186,6 +187,6 @@ mod tests {
         assert_eq!(fan(&[0, 4, 8, 2, 6].map(|i| star[i])), 1);
         assert_eq!(fan(&[[0., 0.], [1., 0.], [2., 0.], [3., 0.]]), 0);
         assert_eq!(fan(&[[1., 1.]; 5]), 0);
-        assert!(Triangulator::new().triangulate(&[Vec3A::ZERO; 2]).is_empty());
+        assert!(Triangulator::default().triangulate(&[Vec3A::ZERO; 2]).is_empty());
     }
 }

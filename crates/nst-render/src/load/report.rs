@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::text::error_at;
+use super::place::error_at;
 use crate::Error;
 
 /// Grows while a scene is loaded.
@@ -26,6 +26,11 @@ struct Note {
 impl Report {
     pub(super) fn new(strict: bool) -> Self {
         Self { strict, ..Self::default() }
+    }
+
+    /// Whether faults are errors.
+    pub(super) fn is_strict(&self) -> bool {
+        self.strict
     }
 
     /// Adds a note; the same one twice is of no use to anybody.

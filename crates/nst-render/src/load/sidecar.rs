@@ -1,21 +1,22 @@
 //! The TOML file beside an OBJ file: what OBJ has no place for.
 
-use std::{collections::BTreeMap, io::ErrorKind, ops::RangeInclusive, path::Path};
+use std::{collections::BTreeMap, io::ErrorKind, path::Path};
 
 use glam::Vec3A;
 use serde::Deserialize;
 
 use super::{
-    exact::length_squared,
     files::find,
     image::Images,
     keys::{Document, Table, suggestion},
     mtl::make_dielectric,
     ranges::{IOR, RADIANCE, UNIT, is_within},
     report::Report,
+    studio::Lighting,
     text::{error_at, scene_error},
+    view::View,
 };
-use crate::{Camera, Disney, Environment, Error, Material, Scattering};
+use crate::{Disney, Environment, Error, Material, Scattering};
 
 const TABLES: [Table; 5] = [
     Table { name: "camera", keys: &["position", "target", "up", "vertical_fov"], of_tables: false },
@@ -25,7 +26,11 @@ const TABLES: [Table; 5] = [
         keys: &["kind", "max_depth", "russian_roulette"],
         of_tables: false,
     },
-    Table { name: "environment", keys: &["radiance", "image", "rotation"], of_tables: false },
+    Table {
+        name: "environment",
+        keys: &["radiance", "image", "rotation", "light"],
+        of_tables: false,
+    },
     Table {
         name: "materials",
         keys: &[
@@ -49,20 +54,18 @@ const TABLES: [Table; 5] = [
 
 /// Path vertices of `kind = "direct"`: a surface, and the light that it reflects.
 const DIRECT_DEPTH: u32 = 2;
-/// Sine of the least angle between the view and the direction up: what is nearer
-/// leaves f32 three digits to say which way is up.
-const LEAST_UP_SINE: f64 = 1e-4;
-/// Lengths of the direction up that f32 can square and multiply with others.
-const UP_LENGTHS: RangeInclusive<f32> = 1e-6..=1e6;
 
 /// What the file says; what it leaves out is `None`, or the format's default.
 #[derive(Debug, Default)]
 pub(super) struct Sidecar {
-    pub(super) camera: Option<Camera>,
+    text: String,
+    pub(super) view: View,
     pub(super) size: Option<[u32; 2]>,
     pub(super) max_depth: Option<u32>,
     pub(super) russian_roulette: Option<bool>,
     pub(super) environment: Option<Environment>,
+    /// Light instead of an environment.
+    pub(super) lighting: Option<Lighting>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -79,15 +82,10 @@ struct Tables {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct CameraTable {
-    position: [f32; 3],
-    target: [f32; 3],
-    #[serde(default = "y_axis")]
-    up: [f32; 3],
-    vertical_fov: f32,
-}
-
-fn y_axis() -> [f32; 3] {
-    [0.0, 1.0, 0.0]
+    position: Option<[f64; 3]>,
+    target: Option<[f64; 3]>,
+    up: Option<[f32; 3]>,
+    vertical_fov: Option<f32>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -119,6 +117,7 @@ struct EnvironmentTable {
     radiance: Option<[f32; 3]>,
     image: Option<String>,
     rotation: Option<f32>,
+    light: Option<String>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -159,20 +158,35 @@ impl Sidecar {
 
         let place = Place { path, document };
         let integrator = tables.integrator.unwrap_or_default();
+        let lighting =
+            tables.environment.as_ref().map(|table| place.lighting(table)).transpose()?;
         let sidecar = Self {
-            camera: tables.camera.map(|table| place.camera(table)).transpose()?,
+            text: String::new(),
+            view: tables.camera.map(CameraTable::view).unwrap_or_default(),
             size: tables.film.map(|table| place.size(&table)).transpose()?,
             max_depth: place.max_depth(&integrator, report)?,
             russian_roulette: integrator.russian_roulette,
+            lighting: lighting.flatten(),
             environment: tables
                 .environment
+                .filter(|table| table.light.is_none())
                 .map(|table| place.environment(table, images, report))
                 .transpose()?,
         };
         for (name, table) in &tables.materials {
             place.override_material(name, table, materials)?;
         }
-        Ok(sidecar)
+        drop(place);
+        Ok(Self { text, ..sidecar })
+    }
+
+    /// `[camera] key message`, with the line of the key.
+    pub(super) fn camera_error(&self, path: &Path, key: &str, message: &str) -> Error {
+        let message = format!("[camera] {key} {message}");
+        match Document::parse(&self.text) {
+            Ok(document) => scene_error(path, &document.error(&["camera", key], &message)),
+            Err(_) => Error::scene(path, message),
+        }
     }
 }
 
@@ -211,10 +225,6 @@ impl Place<'_> {
         scene_error(self.path, &self.document.error(keys, message))
     }
 
-    fn camera(&self, table: CameraTable) -> Result<Camera, Error> {
-        table.check().map_err(|(key, message)| self.error(&["camera", key], message))
-    }
-
     fn size(&self, table: &FilmTable) -> Result<[u32; 2], Error> {
         if table.size.contains(&0) {
             return Err(self.error(&["film", "size"], "must be at least 1 by 1"));
@@ -240,6 +250,18 @@ impl Place<'_> {
         }
     }
 
+    fn lighting(&self, table: &EnvironmentTable) -> Result<Option<Lighting>, Error> {
+        let Some(light) = &table.light else { return Ok(None) };
+        if table.radiance.is_some() || table.image.is_some() || table.rotation.is_some() {
+            let message = "replaces the environment: leave it out, or the other keys";
+            return Err(self.error(&["environment", "light"], message));
+        }
+        light
+            .parse()
+            .map(Some)
+            .map_err(|message: String| self.error(&["environment", "light"], &message))
+    }
+
     fn environment(
         &self,
         table: EnvironmentTable,
@@ -247,7 +269,7 @@ impl Place<'_> {
         report: &mut Report,
     ) -> Result<Environment, Error> {
         if table.radiance.is_none() && table.image.is_none() {
-            let message = "[environment] needs radiance, image or both";
+            let message = "[environment] needs radiance or image or both, or light";
             return Err(self.error_as_is(&["environment"], message));
         }
         let radiance = Vec3A::from(table.radiance.unwrap_or([1.0; 3]));
@@ -294,27 +316,13 @@ impl Place<'_> {
 }
 
 impl CameraTable {
-    /// The camera, or the key that is wrong and what it must be.
-    fn check(self) -> Result<Camera, (&'static str, &'static str)> {
-        let [position, target, up] = [self.position, self.target, self.up].map(Vec3A::from);
-        for (key, vector) in [("position", position), ("target", target), ("up", up)] {
-            if !vector.is_finite() {
-                return Err((key, "must be finite"));
-            }
+    fn view(self) -> View {
+        View {
+            position: self.position,
+            target: self.target,
+            up: self.up,
+            vertical_fov: self.vertical_fov,
         }
-        let forward = (target.as_dvec3() - position.as_dvec3()).normalize_or_zero();
-        if position == target {
-            return Err(("target", "must differ from position"));
-        }
-        if forward.cross(up.as_dvec3().normalize_or_zero()).length() < LEAST_UP_SINE {
-            return Err(("up", "must not be zero or parallel to the view"));
-        }
-        if !(self.vertical_fov > 0.0 && self.vertical_fov < 180.0) {
-            return Err(("vertical_fov", "must lie between 0 and 180 degrees"));
-        }
-        let squarable = UP_LENGTHS.contains(&length_squared(up).sqrt());
-        let up = if squarable { up } else { up.as_dvec3().normalize().as_vec3a() };
-        Ok(Camera { position, target, up, vertical_fov: self.vertical_fov })
     }
 }
 

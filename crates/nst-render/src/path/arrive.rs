@@ -68,7 +68,7 @@ impl PathTracer<'_> {
         points.shading.set(i, shading);
         points.wo.set(i, -direction);
         let color = if facet.textured {
-            self.scene.color(&self.scene.triangles[index as usize], barycentric)
+            self.scene.color(index, barycentric)
         } else {
             self.scene.materials[facet.material as usize].color
         };

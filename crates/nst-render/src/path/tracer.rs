@@ -37,7 +37,7 @@ pub(super) struct Facet {
     pub(super) lambert: bool,
     /// Whether it has shading normals.
     pub(super) smooth: bool,
-    /// Whether its colour comes from a texture.
+    /// Whether its colour comes from a texture, or from its corners.
     pub(super) textured: bool,
 }
 
@@ -55,6 +55,8 @@ pub(super) enum Strategy {
 
 impl<'a> PathTracer<'a> {
     pub(crate) fn new(scene: &'a Scene) -> Self {
+        let colored = !scene.vertex_colors.is_empty();
+        let prepare = if colored { Prepared::colored } else { Prepared::new };
         let facet = |triangle: &Triangle| {
             let material = &scene.materials[triangle.material as usize];
             Facet {
@@ -65,7 +67,7 @@ impl<'a> PathTracer<'a> {
                 emits: material.emits(),
                 lambert: matches!(material.scattering, Scattering::Lambert),
                 smooth: triangle.normals.is_some(),
-                textured: material.color_texture.is_some(),
+                textured: material.color_texture.is_some() || colored,
             }
         };
         // First, as building it takes the most memory.
@@ -80,7 +82,7 @@ impl<'a> PathTracer<'a> {
             accelerator,
             lights,
             facets,
-            scattering: scene.materials.iter().map(Prepared::new).collect(),
+            scattering: scene.materials.iter().map(prepare).collect(),
             scale: scene.scale(),
             strategy: Strategy::Both,
             instructions: Instructions::detect(),

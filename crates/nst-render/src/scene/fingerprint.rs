@@ -31,6 +31,10 @@ impl Scene {
         fields.integers("materials", [self.materials.len() as u32]);
         self.materials.iter().for_each(|material| fields.material(material));
         fields.triangles(&self.triangles);
+        if !self.vertex_colors.is_empty() {
+            let colors = self.vertex_colors.as_flattened().as_flattened();
+            fields.numbers("triangles.colors", colors.iter().copied());
+        }
         fields.numbers("environment.radiance", self.environment.radiance.to_array());
         let image = self.environment.image.as_deref();
         fields.bytes("environment.image", image.map_or(&[], |image| image.digest()));

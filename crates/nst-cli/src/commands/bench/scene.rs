@@ -13,7 +13,7 @@ use nst_files::{
     picture::Picture,
     picture_writer::write_exr,
 };
-use nst_render::{RenderSettings, Rendering, SamplerKind, Scene, render};
+use nst_render::{LoadOptions, RenderSettings, Rendering, SamplerKind, Scene, render};
 use serde::Serialize;
 
 use crate::{
@@ -112,8 +112,6 @@ impl<'a> Bench<'a> {
     /// Loads the scene, and the reference, which sets the film's size.
     fn open(args: &'a BenchSceneArgs) -> Result<Self, Error> {
         let start = Instant::now();
-        let scene = Scene::load(&args.scene)?;
-        let loading = start.elapsed();
         let reference = Picture::open(&args.reference, None)?;
         if reference.channel_names.len() != ColorModel::Rgb.channels().len() {
             return Err(Error::Unlike(format!(
@@ -121,7 +119,9 @@ impl<'a> Bench<'a> {
                 args.reference.display()
             )));
         }
-        let scene = Scene { size: reference.size, ..scene };
+        let options = LoadOptions { size: Some(reference.size), ..Default::default() };
+        let scene = Scene::load_with(&args.scene, &options)?;
+        let loading = start.elapsed();
         let fingerprint = scene.fingerprint();
         Ok(Self { args, scene, fingerprint, reference: reference.read()?, loading })
     }

@@ -4,6 +4,7 @@ use std::{collections::BTreeMap, fmt, path::Path};
 
 use nst_files::{
     header::{ExrHeader, Part},
+    picture::Picture,
     sequence_file::SequenceReader,
 };
 use serde::Serialize;
@@ -15,6 +16,7 @@ use crate::error::Error;
 pub(super) struct PictureReport {
     bytes: u64,
     parts: Vec<PartReport>,
+    notes: Vec<String>,
 }
 
 #[derive(Serialize)]
@@ -61,8 +63,10 @@ pub(super) fn read(path: &Path) -> Result<Content, Error> {
         let layers = layers.iter().filter(|layer| layer.part == index);
         PartReport::new(part, layers.map(|layer| layer.name.clone()).collect())
     });
-    let picture = PictureReport { bytes, parts: parts.collect() };
-    if !header.parts[0].attributes.contains_key("nst.terms") {
+    let note = Picture::open(path, None).ok().and_then(|picture| picture.primaries_note());
+    let picture =
+        PictureReport { bytes, parts: parts.collect(), notes: note.into_iter().collect() };
+    if !header.is_sequence() {
         return Ok(Content::Picture(picture));
     }
     let reader = SequenceReader::open(path)?;
@@ -135,20 +139,20 @@ impl PictureReport {
                 writeln!(f, "attribute   {name} = {value}")?;
             }
         }
-        Ok(())
+        self.notes.iter().try_for_each(|note| writeln!(f, "note        {note}"))
     }
 }
 
 impl PartReport {
     fn headline(&self) -> String {
         let Self { width, height, position: [x, y], .. } = self;
-        let name = self.name.as_ref().map(|name| format!("'{name}'")).unwrap_or_default();
+        let name = self.name.as_ref().map(|name| format!("'{name}' ")).unwrap_or_default();
         let at = if [*x, *y] == [0, 0] { String::new() } else { format!(" from ({x}, {y})") };
         let mut kinds: Vec<_> = self.channels.iter().map(|channel| channel.kind).collect();
         kinds.sort_unstable();
         kinds.dedup();
         format!(
-            "part {name:6} {width}x{height} pixels{at}, {} channels of {}, {}{}",
+            "part        {name}{width}x{height} pixels{at}, {} channels of {}, {}{}",
             self.channels.len(),
             kinds.join(" and "),
             self.storage,

@@ -3,9 +3,10 @@
 mod counts;
 mod runs;
 
-use std::fmt;
+use std::{fmt, path::Path};
 
 use nst_files::{
+    header::ExrHeader,
     output::{Kind, Name, Outputs},
     pack::{self, Pack, Packer},
     sequence_file::{SequenceInfo, SequenceWriter},
@@ -22,7 +23,7 @@ use counts::{Source, samples_each, samples_of_estimates, sort};
 
 pub(super) fn run(args: &PackArgs) -> Result<Done, Error> {
     check(args)?;
-    match args.kind {
+    match args.kind() {
         PackAs::Runs => runs::run(args).map(Done::whole),
         PackAs::Samples | PackAs::Estimates => sequence(args).map(Done::whole),
     }
@@ -31,17 +32,15 @@ pub(super) fn run(args: &PackArgs) -> Result<Done, Error> {
 /// Checks what clap cannot: which options belong to which kind.
 fn check(args: &PackArgs) -> Result<(), Error> {
     let wrong = |message: &str| Err(Error::Usage(message.to_owned()));
-    if args.spp.is_some() && args.kind != PackAs::Samples {
+    if args.spp.is_some() && args.kind() != PackAs::Samples {
         return wrong("--spp is for --as samples; --as estimates takes --spp-list");
     }
-    if args.spp_list.is_some() && args.kind != PackAs::Estimates {
+    if args.spp_list.is_some() && args.kind() != PackAs::Estimates {
         return wrong("--spp-list is for --as estimates; --as samples takes --spp");
     }
-    let runs = args.kind == PackAs::Runs;
-    if runs && (args.channels.is_some() || args.scene.is_some() || args.seed.is_some()) {
-        return wrong(
-            "--channels, --scene and --seed are not for --as runs: the sequences have them",
-        );
+    let runs = args.kind() == PackAs::Runs;
+    if runs && (args.layer.is_some() || args.scene.is_some() || args.seed.is_some()) {
+        return wrong("--layer, --scene and --seed are not for --as runs: the sequences have them");
     }
     let extension = if runs { "safetensors" } else { "exr" };
     if !has_extension(&args.output, extension) {
@@ -74,6 +73,7 @@ struct Report {
     side_channels: Vec<String>,
     /// Files with values that are not finite, and how many.
     nonfinite: Vec<(String, u64)>,
+    notes: Vec<String>,
     /// Whether the terms are means, which leave these values out.
     #[serde(skip)]
     means: bool,
@@ -83,8 +83,12 @@ struct Report {
 fn sequence(args: &PackArgs) -> Result<Report, Error> {
     let mut outputs = Outputs::of_inputs(&args.files);
     let mut output = outputs.open(&args.output, Kind::Sequence, Name::Given)?;
-    let mut pictures = pack::open(&args.files, args.channels.as_deref())?;
-    let (pack, samples_from) = match args.kind {
+    let mut pictures = pack::open(&args.files, args.layer.as_deref())?;
+    // A folder's *.exr often has both.
+    if args.kind.is_none() {
+        args.files.iter().try_for_each(|path| check_no_sequence(path))?;
+    }
+    let (pack, samples_from) = match args.kind() {
         PackAs::Samples => {
             let (spp, source) = samples_each(args.spp, &pictures)?;
             (Pack::Samples(spp), source)
@@ -121,15 +125,27 @@ fn sequence(args: &PackArgs) -> Result<Report, Error> {
         width: info.size[0],
         height: info.size[1],
         position: first.position,
-        layer: first.layer,
-        channels: first.channel_names,
+        layer: first.layer.clone(),
+        channels: first.channel_names.clone(),
         sample_counts: info.sample_counts,
         samples_from,
         side_channels: info.sides.iter().map(ToString::to_string).collect(),
         nonfinite: nonfinite.into_iter().map(|(path, n)| (path.display().to_string(), n)).collect(),
-        means: args.kind == PackAs::Samples,
+        notes: first.primaries_note().into_iter().collect(),
+        means: args.kind() == PackAs::Samples,
         output: args.output.display().to_string(),
     })
+}
+
+fn check_no_sequence(path: &Path) -> Result<(), Error> {
+    if !ExrHeader::read(path)?.is_sequence() {
+        return Ok(());
+    }
+    Err(Error::Unlike(format!(
+        "'{}' is a sequence, not a picture; nst merge joins sequences, and --as samples takes \
+         its last term for a picture",
+        path.display()
+    )))
 }
 
 impl fmt::Display for Report {
@@ -151,6 +167,9 @@ impl fmt::Display for Report {
         let left_out = if self.means { ", and are left out of the means" } else { "" };
         for (path, count) in &self.nonfinite {
             writeln!(f, "note       {count} values of '{path}' are not finite{left_out}")?;
+        }
+        for note in &self.notes {
+            writeln!(f, "note       {note}")?;
         }
         write!(f, "wrote      {}", self.output)
     }

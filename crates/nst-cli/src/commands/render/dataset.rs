@@ -39,7 +39,7 @@ pub(super) fn run(args: &RenderArgs, runs: u32) -> Result<Done, Error> {
     let output = outputs(args, &scene).open(&path, Kind::Dataset, args.output_name())?;
     // Before its terms are counted.
     check_memory(scene.size, &settings)?;
-    interrupt::watch()?;
+    interrupt::finish_on_signal();
     describe(&scene, args.spp, &args.common);
     let done = write(args, runs, &scene, &settings, output)?;
     let report =

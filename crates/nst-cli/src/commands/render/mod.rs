@@ -51,9 +51,10 @@ fn outputs(args: &RenderArgs, scene: &Scene) -> Outputs {
 /// Loads the scene. Options that are not given come from the stored sequence, if there is
 /// one.
 fn load_scene(args: &RenderArgs, stored: Option<&SequenceInfo>) -> Result<Scene, Error> {
-    let mut scene = Scene::load(&args.scene)?;
+    let mut options = args.load_options();
+    options.size = args.size.or(stored.map(|info| info.size));
+    let mut scene = Scene::load_with(&args.scene, &options)?;
     let how = stored.and_then(|info| info.resume.as_ref());
-    scene.size = args.size.or(stored.map(|info| info.size)).unwrap_or(scene.size);
     let direct = matches!(args.integrator, Some(IntegratorArg::Direct)).then_some(2);
     let depth = direct.or(args.max_depth).or(how.map(|how| how.max_depth));
     scene.max_depth = depth.unwrap_or(scene.max_depth);

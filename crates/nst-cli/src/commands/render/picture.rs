@@ -56,7 +56,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     // Opened before rendering, so that a path that cannot be written fails early.
     let files = Files::open(&job, resumed.as_ref())?;
 
-    interrupt::watch()?;
+    interrupt::finish_on_signal();
     let start = timed(&mut watch.io, || resumed.map(Resumed::read).transpose())?;
     describe(&job.scene, args.spp, &args.common);
     if let Some(start) = &start {

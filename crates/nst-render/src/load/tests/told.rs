@@ -76,16 +76,6 @@ fn fingerprints_follow_the_files() {
     }
 }
 
-/// Its numbers enter the fingerprint, so that they must not depend on the machine's sines.
-#[test]
-fn the_framing_camera_is_the_same_everywhere() {
-    let sine = (f64::from(DEFAULT_FOV).to_radians() / 2.0).sin();
-    // A unit in the last place of f32 below 1/2.
-    assert!((f64::from(SIN_HALF_FOV) - sine).abs() <= 2.0_f64.powi(-25), "{sine}");
-    let camera = scene(&format!("{VERTICES}f 1 2 3\n")).camera;
-    assert_eq!(camera.position.to_array(), [1.382_362_7, 1.117_653_8, 1.764_725_4]);
-}
-
 #[test]
 fn notes_say_what_was_left_out() {
     let obj = format!(

@@ -49,6 +49,7 @@ fn tiny() -> Scene {
     Scene {
         name: "tiny".into(),
         triangles: vec![bare, full],
+        vertex_colors: vec![],
         materials,
         camera: Camera {
             position: Vec3A::new(0.0, 0.0, 5.0),
