@@ -160,8 +160,8 @@ impl ExrHeader {
     }
 
     /// Finds the layer of a name. Without a name, it is the main picture, or the only layer,
-    /// or `Combined`, as Blender names the picture beside its passes, or the only layer of R,
-    /// G and B beside single channels.
+    /// or the only one of R, G and B, or `Combined`, as Blender names the picture beside its
+    /// passes.
     ///
     /// # Errors
     /// What is wrong, and which layers there are.
@@ -176,19 +176,26 @@ impl ExrHeader {
             if let Some(main) = layers.iter().position(|layer| layer.name.is_empty()) {
                 return Ok(layers.swap_remove(main));
             }
-            if let [combined] = combined(&layers)[..] {
-                return Ok(layers.swap_remove(combined));
-            }
             if layers.is_empty() {
-                return Err(self.no_picture());
+                let channels = self.channel_names().join(", ");
+                let has = |name: &str| self.all_channels().any(|c| self.channel(c).ends_with(name));
+                return Err(if has("RY") && has("BY") {
+                    format!(
+                        "luminance and chroma ({channels}) are not supported; save it as R, G and B"
+                    )
+                } else {
+                    format!("no channels R, G, B or Y; name one of its channels: {channels}")
+                });
             }
+            let several = format!("it has several layers, name one of them: {names}");
             if layers.len() > 1 {
-                // Depth, masks and other single channels accompany a picture.
+                // Depth, masks and the like, which are single channels, accompany a picture.
                 layers.retain(|layer| layer.channels.len() == 3);
             }
-            return match layers.len() {
-                1 => Ok(layers.swap_remove(0)),
-                _ => Err(format!("it has several layers, name one of them: {names}")),
+            return match (layers.len(), &combined(&layers)[..]) {
+                (1, _) => Ok(layers.swap_remove(0)),
+                (_, &[combined]) => Ok(layers.swap_remove(combined)),
+                _ => Err(several),
             };
         };
         if let Some(found) = layers.iter().position(|layer| layer.name == name) {
@@ -206,23 +213,15 @@ impl ExrHeader {
         ))
     }
 
-    /// What to say of a file without a layer that is a picture.
-    fn no_picture(&self) -> String {
-        let names = self.channel_names();
-        let has = |end: &str| names.iter().any(|name| name.ends_with(end));
-        let list = names.join(", ");
-        if has("RY") && has("BY") {
-            format!("luminance and chroma ({list}) are not supported; save it as R, G and B")
-        } else {
-            format!("no channels R, G, B or Y; name one of its channels: {list}")
-        }
-    }
-
     fn all_channels(&self) -> impl Iterator<Item = (usize, usize)> {
         let channels = |(index, part): (usize, &Part)| {
             (0..part.channels.len()).map(move |channel| (index, channel))
         };
         self.parts.iter().enumerate().flat_map(channels)
+    }
+
+    fn channel(&self, (part, channel): (usize, usize)) -> &str {
+        &self.parts[part].channels[channel].name
     }
 
     fn channel_names(&self) -> Vec<String> {
@@ -389,6 +388,25 @@ mod tests {
     }
 
     #[test]
+    fn without_a_main_picture_there_must_be_one_of_colors() {
+        let of = |name: &str| ["B", "G", "R"].map(|channel| format!("{name}.{channel}"));
+        let [combined, diffuse, gloss] = ["View.Combined", "View.Diffuse", "View.Gloss"].map(of);
+        let names = |lists: &[&[String]]| lists.concat();
+        let choose = |channels: &[String]| {
+            let channels: Vec<_> = channels.iter().map(String::as_str).collect();
+            header(&[(None, &channels)]).choose(None).map(|layer| layer.name)
+        };
+        assert_eq!(choose(&combined).expect("one layer"), "View.Combined");
+        let depth = ["View.Depth.Z".to_owned(), "View.Mist.V".to_owned()];
+        assert_eq!(choose(&names(&[&combined, &depth])).expect("one of colors"), "View.Combined");
+        assert_eq!(choose(&names(&[&combined, &diffuse])).expect("combined"), "View.Combined");
+        let several = "name one of them: View.Diffuse, View.Gloss";
+        assert!(choose(&names(&[&diffuse, &gloss])).is_err_and(|e| e.contains(several)));
+        let data = "name one of them: View.Depth, View.Mist";
+        assert!(choose(&depth).is_err_and(|e| e.contains(data)));
+    }
+
+    #[test]
     fn blenders_picture_needs_no_name() {
         let rgba: &[&str] = &["A", "B", "G", "R"];
         fn choose(parts: &[(Option<&str>, &[&str])]) -> Result<String, String> {
@@ -424,11 +442,7 @@ mod tests {
         let rgb: &[&str] = &["B", "G", "R"];
         let file = header(&[(Some("beauty"), rgb), (Some("aov"), &["aov.V", "mist.V"])]);
         assert_eq!(names(&file), ["beauty", "aov", "aov.mist"]);
-        assert_eq!(file.choose(None).expect("the only one of colours").name, "beauty");
-        let two = header(&[(Some("beauty"), rgb), (Some("other"), rgb), (Some("aov"), &["V"])]);
-        assert!(two.choose(None).is_err_and(|e| e.contains("beauty, other, aov")));
-        let data = header(&[(Some("depth"), &["Z"]), (Some("mist"), &["V"])]);
-        assert!(data.choose(None).is_err_and(|e| e.contains("depth.Z, mist.V")));
+        assert_eq!(file.choose(None).expect("the only one of colors").name, "beauty");
         assert_eq!(file.choose(Some("aov.mist")).expect("mist").part, 1);
         assert_eq!(file.choose(Some("beauty.G")).expect("G").channels, [1]);
     }
