@@ -52,7 +52,7 @@ pub struct Picture {
 
 impl Picture {
     /// Reads the header of a file and picks a layer: the named one, else the main picture,
-    /// else the only one, or the only one of R, G and B, or of these the one called `Combined`. The name of a layer is the part of its channels' names before the
+    /// else the only one. The name of a layer is the part of its channels' names before the
     /// last dot, the name of its part of the file, or both; a single channel by its whole
     /// name.
     ///

@@ -35,11 +35,12 @@ const MTL: &str = "newmtl textured\nKd 0.5 0.5 0.5\nmap_Kd -s 1 1 1 a.png\nmap_d
     newmtl a metal\nKd 0 0 0\nKs .9 .8 .7\nNs 100\nillum 3\nmap_Kd b.jpg\n\
     newmtl light\nKe 5 4 3\nmap_Ke c.exr\nKd .2\n\
     newmtl glass\nd .5\nNi 1.5\nillum 7\nTr 0.5\nmap_Kd d.tga\n\
-    newmtl paint\nPr .1\nPm .2\nPs .3\nPc .4\nPcr .5\naniso .6\nmap_Kd e.bmp\n";
+    newmtl paint\nPr .1\nPm .2\nPs .3\nPc .4\nPcr .5\naniso .6\nmap_Kd e.bmp\n\
+    newmtl web\nmap_Kd f.webp\nnewmtl old web\nmap_Ke g.gif\nnewmtl scan\nmap_Kd h.tif\n";
 
 const TOML: &str = "[camera]\nposition = [1.0, 2.0, 9.0]\ntarget = [0, 0, 0]\nvertical_fov = 40.0\n\
     [film]\nsize = [64, 48]\n[integrator]\nkind = \"path\"\nmax_depth = 5\nrussian_roulette = false\n\
-    [environment]\nradiance = [1, 1, 1]\nimage = \"c.exr\"\n\
+    [environment]\nradiance = [1, 1, 1]\nimage = \"i.hdr\"\nrotation = 90\n\
     [materials.paint]\ncolor = [0.1, 0.2, 0.3]\nroughness = 0.5\n[materials.glass]\nior = 1.4\n";
 
 /// Numbers and words that have broken readers before.
@@ -182,14 +183,20 @@ fn files(obj: &str) -> Vec<(&'static str, Vec<u8>)> {
         image::RgbImage::from_fn(3, 2, |x, y| image::Rgb([x as u8 * 90, y as u8 * 200, 7]));
     let mut files: Vec<_> =
         [("x.obj", obj), ("x.mtl", MTL), ("x.toml", TOML)].map(|(n, t)| (n, t.into())).into();
-    for name in ["a.png", "b.jpg", "d.tga", "e.bmp"] {
+    let alpha = image::DynamicImage::from(pixels.clone()).into_rgba8();
+    for name in ["a.png", "b.jpg", "d.tga", "e.bmp", "f.webp", "g.gif", "h.tif"] {
         let path = folder.path().join(name);
-        pixels.save(&path).expect(name);
+        if name == "g.gif" { alpha.save(&path) } else { pixels.save(&path) }.expect(name);
         files.push((name, std::fs::read(path).expect(name)));
     }
     let path = folder.path().join("c.exr");
     exr::prelude::write_rgb_file(&path, 3, 2, |x, y| (x as f32, y as f32, 0.5_f32)).expect("EXR");
     files.push(("c.exr", std::fs::read(path).expect("EXR")));
+    // A flat line of nine texels, and one whose four channels are runs.
+    let flat: Vec<u8> = (0..9).flat_map(|i| [i, 7, 9, 128]).collect();
+    let runs = [2, 2, 0, 9, 137, 5, 137, 6, 137, 7, 137, 130];
+    let hdr = [b"#?RADIANCE\nEXPOSURE=2\n\n-Y 2 +X 9\n", &flat[..], &runs].concat();
+    files.push(("i.hdr", hdr));
     files
 }
 
@@ -251,7 +258,7 @@ fn fuzz(seed: u64, cases: u32, counts: &mut [u64; 2]) {
         ..ProptestConfig::default()
     };
     let counts = std::cell::RefCell::new(counts);
-    // OBJ, MTL and TOML are damaged more often than the five images.
+    // OBJ, MTL and TOML are damaged more often than the images.
     let file = prop_oneof![3 => 0..3_usize, 2 => 3..whole[0].len()];
     let damages = (0..2_usize, prop::collection::vec((file, damage()), 1..4));
     let result = TestRunner::new(config).run(&damages, |(obj, damages)| {

@@ -134,7 +134,7 @@ fn read(path: &Path, purpose: Purpose, report: &mut Report) -> Result<(Pixels, V
     let pixels = if rgbe::is_radiance(&bytes) {
         rgbe::read(path, &bytes, most, report)?
     } else if ends_in_exr || is_exr(path)? {
-        openexr::read(path, most, purpose)?
+        openexr::read(path, most, purpose, report)?
     } else {
         pixels::read(path, &bytes, most, purpose)?
     };

@@ -2,15 +2,23 @@
 
 use std::path::Path;
 
-use nst_files::picture::Picture;
+use nst_files::{header::Window, picture::Picture};
 
 use super::{Pixels, Purpose};
-use crate::Error;
+use crate::{Error, load::report::Report};
 
 /// The channels R, G and B, or Y, as they are, in the display window: black where the file
 /// has no data. Data outside of it are left out.
-pub(super) fn read(path: &Path, most_bytes: u64, purpose: Purpose) -> Result<Pixels, Error> {
+pub(super) fn read(
+    path: &Path,
+    most_bytes: u64,
+    purpose: Purpose,
+    report: &mut Report,
+) -> Result<Pixels, Error> {
     let picture = Picture::open(path, None)?;
+    if let Some(note) = picture.primaries_note() {
+        report.note(note);
+    }
     let channels = picture.channel_names.len();
     for ([width, height], channels) in [(picture.size, channels), (picture.display.size, 3)] {
         let bytes = u64::from(width) * u64::from(height) * (size_of::<f32>() * channels) as u64;
@@ -33,37 +41,36 @@ pub(super) fn read(path: &Path, most_bytes: u64, purpose: Purpose) -> Result<Pix
         _ => None,
     };
     let alpha = alpha.map(|alpha| alpha.read()).transpose()?;
-    let placed = |alpha| display(&picture, alpha, 0.0);
+    let window = |alpha| display(&picture, alpha, 0.0);
     Ok(Pixels {
         size: picture.display.size,
         texels: display(&picture, texels, [0.0; 3])?,
-        alpha: alpha.map(placed).transpose()?,
+        alpha: alpha.map(window).transpose()?,
         is_linear: true,
     })
 }
 
 /// The display window of a picture whose data window contains `data`.
 fn display<T: Copy>(picture: &Picture, data: Vec<T>, outside: T) -> Result<Vec<T>, Error> {
-    if (picture.size, picture.position) == (picture.display.size, picture.display.position) {
+    let (from, to) = (picture.window(), picture.display);
+    if from == to {
         return Ok(data);
     }
-    // Along x and y: where the data begin within the display window, and the overlap.
-    let [x, y] = [0, 1].map(|axis| {
-        let from = i64::from(picture.position[axis]) - i64::from(picture.display.position[axis]);
-        let end = from + i64::from(picture.size[axis]);
-        (from, from.max(0)..end.min(picture.display.size[axis].into()))
-    });
-    if x.1.is_empty() || y.1.is_empty() {
+    let Some(part) = from.intersection(&to) else {
         let message = "its data window has no pixel of its display window";
         return Err(Error::image(picture.path(), message));
-    }
-    let [width, height] = picture.display.size.map(|n| n as usize);
+    };
+    let [width, height] = to.size.map(|n| n as usize);
     let mut all = vec![outside; width * height];
-    let columns = (x.1.end - x.1.start) as usize;
-    for row in y.1 {
-        let to = row as usize * width + x.1.start as usize;
-        let from = (row - y.0) as usize * picture.size[0] as usize + (x.1.start - x.0) as usize;
-        all[to..][..columns].copy_from_slice(&data[from..][..columns]);
+    // Where a row of the part begins in a window.
+    let start = |window: &Window, row: u32| {
+        let [x, y] = [0, 1].map(|axis| (part.position[axis] - window.position[axis]) as usize);
+        (y + row as usize) * window.size[0] as usize + x
+    };
+    let columns = part.size[0] as usize;
+    for row in 0..part.size[1] {
+        let data = &data[start(&from, row)..][..columns];
+        all[start(&to, row)..][..columns].copy_from_slice(data);
     }
     Ok(all)
 }
@@ -90,7 +97,7 @@ mod tests {
     fn the_display_window_is_the_picture() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("x.exr");
-        let image_for = |purpose| super::read(&path, 1 << 20, purpose);
+        let image_for = |purpose| super::read(&path, 1 << 20, purpose, &mut Report::default());
         // A part of the window, in its middle.
         write(&path, [1, 1], [2, 1], ([0, 0], [4, 3]));
         let part = image_for(Purpose::Numbers).expect("an image");
@@ -130,7 +137,7 @@ mod tests {
             let attributes = LayerAttributes::default();
             let layer = Layer::new(Vec2(1, 1), attributes, Encoding::UNCOMPRESSED, channels);
             Image::from_layer(layer).write().to_file(&path).expect("a file");
-            super::read(&path, 1 << 20, Purpose::Numbers)
+            super::read(&path, 1 << 20, Purpose::Numbers, &mut Report::default())
         };
         let names = ["V.Combined.R", "V.Combined.G", "V.Combined.B", "V.Combined.A", "V.Depth.Z"];
         let pixels = write(&names).expect("an image");
