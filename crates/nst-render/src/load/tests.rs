@@ -228,7 +228,7 @@ fn overrides_by_name() {
     let expected = Disney { roughness: 0.1, metallic: 0.7, clearcoat: 0.5, ..Default::default() };
     assert_eq!(disney("shiny"), expected);
     let glass = with_sidecar("[materials.a]\nior = 1.33").expect("a good scene");
-    assert_eq!(material(&glass, "a").scattering, Scattering::Dielectric { ior: 1.33 });
+    assert_eq!(material(&glass, "a").scattering, Scattering::ThinDielectric { ior: 1.33 });
 }
 
 /// Every key that the check of names lets through is one that is read.
