@@ -1,5 +1,7 @@
 //! Tests of whole paths.
 
+mod surfaces;
+
 use std::{path::Path, sync::Arc};
 
 use glam::{Vec2, Vec3A};
