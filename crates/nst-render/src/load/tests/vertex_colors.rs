@@ -88,10 +88,8 @@ fn colors_enter_the_fingerprint() {
 /// The means over 64 spp of the pixels of a picture of 8 by 8, in a white environment.
 fn picture(files: &[(&str, &str)]) -> Vec<f32> {
     let toml = "[camera]\nposition = [0, 0, 2]\ntarget = [0, 0, 0]\nvertical_fov = 40\n\
-                [film]\nsize = [8, 8]\n";
-    let environment = Environment { radiance: Vec3A::ONE, ..Default::default() };
+                [film]\nsize = [8, 8]\n[environment]\nlight = 'white'\n";
     let scene = load(&[files, &[("x.toml", toml)]].concat()).expect("a good scene");
-    let scene = Scene { environment, ..scene };
     let settings =
         RenderSettings { spp: 64, sampler: SamplerKind::Random, seed: 1, keep: Keep::Window(1) };
     let rendering = render(&scene, &settings, &|_| {}).expect("it fits the memory");
