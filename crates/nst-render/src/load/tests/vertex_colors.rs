@@ -3,7 +3,7 @@
 use nst_core::Keep;
 
 use super::*;
-use crate::{Environment, RenderSettings, SamplerKind, render};
+use crate::{RenderSettings, SamplerKind, render};
 
 /// sRGB of 0.5, and 0.75 of it.
 const HALF: f32 = 0.735_356_9;
