@@ -1,14 +1,12 @@
 //! Light from outside the scene. If it is an image, its bright parts are sampled more.
 
-mod importance;
+pub(crate) mod importance;
 
 use std::f32::consts::PI;
 
 use glam::Vec3A;
 
 use crate::{Environment, Texture};
-
-pub(crate) use importance::EnvironmentSampler;
 
 impl Environment {
     /// The radiance that arrives from the unit direction `towards` it.

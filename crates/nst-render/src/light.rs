@@ -11,7 +11,7 @@ use crate::{
     Material, Scene, Triangle,
     accelerator::{Rays, offset},
     color::luminance,
-    environment::EnvironmentSampler,
+    environment::importance::EnvironmentSampler,
     packet::{PACKET, Vec3s},
 };
 use choice::Choice;

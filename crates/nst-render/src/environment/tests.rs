@@ -2,7 +2,7 @@ use std::{f64::consts::PI, sync::Arc};
 
 use glam::{DVec3, Vec2};
 
-use super::*;
+use super::{importance::EnvironmentSampler, *};
 use crate::{Sampler, SamplerKind, color::luminance};
 
 fn sky(size: [u32; 2], texel: impl Fn(u32, u32) -> [f32; 3]) -> Environment {
