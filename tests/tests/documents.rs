@@ -243,6 +243,21 @@ fn the_speed_beside_mitsuba_is_measured() {
 }
 
 #[test]
+fn the_speed_of_reading_is_measured() {
+    let runs = Rows::read("docs/load.csv");
+    let rows = table(&read("docs/renderer.md"), "| reader |");
+    let median = |reader| runs.median("milliseconds", &[("reader", reader)]);
+    let quotes: Vec<_> = rows[1..]
+        .iter()
+        .map(|row| {
+            let reader = row[0].split(',').next().expect("a name");
+            quote(&[reader], &row[1], median(reader))
+        })
+        .collect();
+    check(&quotes, 2, 0.0);
+}
+
+#[test]
 fn the_profile_is_measured() {
     let profile = Rows::read("docs/profile.csv");
     let mut quotes = Vec::new();

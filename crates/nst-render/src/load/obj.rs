@@ -100,7 +100,8 @@ fn resolve<'a>(
     for (line, name) in names {
         let found = known.get(name);
         if without_comment(name).len() < name.len() && !found.is_some_and(|(_, whole)| whole) {
-            report.forgive(COMMENT, path, *line, || quoted(name))?;
+            report
+                .forgive(COMMENT, path, *line, || format!("{} ends in a comment", quoted(name)))?;
         }
         if let Some((id, whole)) = found {
             is_whole[id as usize] |= whole;

@@ -170,7 +170,7 @@ fn cut_padding(path: &Path, bytes: &mut Vec<u8>, report: &mut Report) -> Result<
     if text_end > 0 && end < bytes.len() {
         let line = bytes[..end].iter().filter(|&&byte| byte == b'\n').count() + 1;
         report.forgive("what is behind the end of the text, left out", path, line, || {
-            format!("{} bytes that are no text", bytes.len() - end)
+            format!("{} bytes at the end are no text", bytes.len() - end)
         })?;
         bytes.truncate(end);
     }
@@ -348,7 +348,7 @@ mod tests {
         for bytes in padded {
             assert_eq!(decoded(bytes, false), Ok(("v 1\n".to_owned(), 1)), "{bytes:?}");
             let error = decoded(bytes, true).expect_err("it is strict");
-            assert!(error.contains("line 2: ") && error.contains("no text"), "{error}");
+            assert!(error.contains("line 2: ") && error.contains("are no text"), "{error}");
         }
         for bytes in [&b"v 1\n\n"[..], b"v \x1a1\n"] {
             assert_eq!(decoded(bytes, true).expect("text").1, 0, "{bytes:?}");

@@ -73,7 +73,7 @@ fn names<'a>(
         split(name, is_there)
     };
     if name.len() < stated.len() {
-        report.forgive(COMMENT, path, line, || quoted(stated))?;
+        report.forgive(COMMENT, path, line, || format!("{} ends in a comment", quoted(stated)))?;
     }
     Ok(names)
 }

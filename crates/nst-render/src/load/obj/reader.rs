@@ -141,7 +141,9 @@ impl Reader<'_> {
             Statement::Normal => self.normal(words, line.number),
             Statement::Face => self.face(words, line),
             Statement::ObsoleteFace => {
-                self.forgive("the obsolete 'fo', read as 'f'", line.number, || "'fo'".to_owned())?;
+                self.forgive("the obsolete 'fo', read as 'f'", line.number, || {
+                    "'fo' is obsolete".to_owned()
+                })?;
                 self.face(words, line)
             }
             Statement::Material => self.use_material(line),
@@ -165,11 +167,11 @@ impl Reader<'_> {
             return Ok(Some(statement));
         }
         let statement = Statement::of(&keyword.to_ascii_lowercase());
-        let kind = match statement {
-            Some(_) => "keywords in upper case, read as those in lower case",
-            None => "statements with unknown keywords, left out",
+        let (kind, what) = match statement {
+            Some(_) => ("keywords in upper case, read as those in lower case", "is in upper case"),
+            None => ("statements with unknown keywords, left out", "is unknown"),
         };
-        self.forgive(kind, line, || format!("keyword {}", quoted(keyword)))?;
+        self.forgive(kind, line, || format!("keyword {} {what}", quoted(keyword)))?;
         Ok(statement)
     }
 
@@ -190,7 +192,7 @@ impl Reader<'_> {
             match number_f64(word) {
                 Some(x) => *number = x,
                 None if count >= 3 => {
-                    let fault = || format!("{} behind a vertex", quoted(word));
+                    let fault = || format!("{} behind a vertex is no number", quoted(word));
                     self.forgive(BEHIND, line.number, fault)?;
                     count = 3;
                     break;
@@ -244,7 +246,7 @@ impl Reader<'_> {
         if !uv.is_finite() {
             let kind = "texture coordinates that are not finite numbers, read as missing";
             let number = self.contents.uvs.len() + 1;
-            self.forgive(kind, line, || format!("texture coordinate {number}"))?;
+            self.forgive(kind, line, || format!("texture coordinate {number} is not finite"))?;
             self.contents.uvs.push(Vec2::NAN);
             return Ok(());
         }
@@ -262,7 +264,7 @@ impl Reader<'_> {
         if !normal.is_finite() {
             let kind = "normals that are not three finite numbers, where the surface is flat";
             let number = self.contents.normals.len() + 1;
-            self.forgive(kind, line, || format!("normal {number}"))?;
+            self.forgive(kind, line, || format!("normal {number} is not finite"))?;
             normal = Vec3A::ZERO;
         } else if normal == Vec3A::ZERO {
             self.contents.losses.zero_normals += 1;
@@ -296,7 +298,7 @@ impl Reader<'_> {
                     self.contents.corners.push(resolved);
                 }
                 Err(_) if self.contents.corners.len() >= start + 3 => {
-                    let fault = || format!("{} behind a face", quoted(word));
+                    let fault = || format!("{} behind a face is no corner", quoted(word));
                     return self.forgive(BEHIND, line.number, fault);
                 }
                 Err(fault) => {

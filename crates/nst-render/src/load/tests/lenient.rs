@@ -21,6 +21,10 @@ fn forgiven(folder: &TempDir) -> (Scene, String) {
     (scene, strict.expect_err("it is a fault").to_string())
 }
 
+fn path(folder: &TempDir) -> String {
+    folder.path().join("x.obj").display().to_string()
+}
+
 /// Of an OBJ file without materials: the notes about faults alone.
 fn notes(scene: &Scene) -> Vec<&str> {
     let usual = ["a grey material", "no camera is given", "nothing emits light"];
@@ -46,15 +50,15 @@ fn faults_become_one_note_of_each_kind() {
         ("f 1//99999999999 2//1 3//1", format!("{missing_normals} (x.obj, line 10: a face names normal 4294967295, but"), [false; 2]),
         ("f 1/1/1 2/0/1 3/-9/1", format!("{missing_uvs}: 2 (the first: x.obj, line 10: a face names texture coordinate 0"), [true, false]),
         ("f 1/5 2/6 3/7", format!("{missing_uvs}: 3 (the first: x.obj, line 10: a face names texture coordinate 5, but there are only 4)"), [false; 2]),
-        ("vn nan nan nan\nf 1//2 2//2 3//2", format!("{bad_normals} (x.obj, line 10: normal 2)"), [false; 2]),
-        ("vn -1.#IND 0 1e99\nvn inf 0 0\nf 1/1/2 2/2/3 3/3/1", format!("{bad_normals}: 2 (the first: x.obj, line 10: normal 2)"), [false, true]),
-        ("vn 0 0\nvn 0 zero 0\nf 1 2 3", format!("{bad_normals}: 2 (the first: x.obj, line 10: normal 2)"), [false; 2]),
-        ("vt nan 0\nvt 0 -inf\nvt\nf 1/5/1 2/2/1 3/3/1", format!("{bad_uvs}: 3 (the first: x.obj, line 10: texture coordinate 5)"), [true, false]),
-        ("f 1 2 3 and 4", format!("{behind} (x.obj, line 10: 'and' behind a face)"), [false; 2]),
-        ("v 0 0 0 red\nf 1 2 3", format!("{behind} (x.obj, line 10: 'red' behind a vertex)"), [false; 2]),
-        ("VN 0 0 1\nF 1//2 2//2 3//2", format!("{upper}: 2 (the first: x.obj, line 10: keyword 'VN')"), [true, false]),
-        ("fo 1/1 2/2 3/3", "the obsolete 'fo', read as 'f' (x.obj, line 10: 'fo')".to_owned(), [false, true]),
-        ("f 1 2 3\nfoo 1\nbar", format!("{unknown}: 2 (the first: x.obj, line 11: keyword 'foo')"), [false; 2]),
+        ("vn nan nan nan\nf 1//2 2//2 3//2", format!("{bad_normals} (x.obj, line 10: normal 2 is not finite)"), [false; 2]),
+        ("vn -1.#IND 0 1e99\nvn inf 0 0\nf 1/1/2 2/2/3 3/3/1", format!("{bad_normals}: 2 (the first: x.obj, line 10: normal 2 is not finite)"), [false, true]),
+        ("vn 0 0\nvn 0 zero 0\nf 1 2 3", format!("{bad_normals}: 2 (the first: x.obj, line 10: normal 2 is not finite)"), [false; 2]),
+        ("vt nan 0\nvt 0 -inf\nvt\nf 1/5/1 2/2/1 3/3/1", format!("{bad_uvs}: 3 (the first: x.obj, line 10: texture coordinate 5 is not finite)"), [true, false]),
+        ("f 1 2 3 and 4", format!("{behind} (x.obj, line 10: 'and' behind a face is no corner)"), [false; 2]),
+        ("v 0 0 0 red\nf 1 2 3", format!("{behind} (x.obj, line 10: 'red' behind a vertex is no number)"), [false; 2]),
+        ("VN 0 0 1\nF 1//2 2//2 3//2", format!("{upper}: 2 (the first: x.obj, line 10: keyword 'VN' is in upper case)"), [true, false]),
+        ("fo 1/1 2/2 3/3", "the obsolete 'fo', read as 'f' (x.obj, line 10: 'fo' is obsolete)".to_owned(), [false, true]),
+        ("f 1 2 3\nfoo 1\nbar", format!("{unknown}: 2 (the first: x.obj, line 11: keyword 'foo' is unknown)"), [false; 2]),
         ("f 1 2 3\ncall x.obj\ncsh -rm x", "calls of other files and programs, left out: 2 (the first: x.obj, line 11: 'call' is not obeyed)".to_owned(), [false; 2]),
         ("usemtl\nf 1 2 3", "usemtl without a name: the default material (x.obj, line 10: usemtl without a name)".to_owned(), [false; 2]),
         ("mtllib \nf 1 2 3", "mtllib without a name, left out (x.obj, line 10: mtllib without a name)".to_owned(), [false; 2]),
@@ -65,7 +69,10 @@ fn faults_become_one_note_of_each_kind() {
         let (scene, error) = forgiven(&folder);
         let notes = notes(&scene);
         assert!(notes.len() == 1 && notes[0].starts_with(&note), "{statements}: {notes:?}");
-        assert!(error.contains("x.obj': line 1"), "{statements}: {error}");
+        // The error is the first fault.
+        let (_, fault) = note.rsplit_once("x.obj, ").expect("a place");
+        let expected = format!("scene '{}': {}", path(&folder), fault.trim_end_matches(')'));
+        assert!(error.starts_with(&expected), "{statements}: {error}");
         for triangle in &scene.triangles {
             assert_eq!(triangle.normals.is_some(), has_normals, "{statements}");
             assert_eq!(triangle.uvs.is_some(), has_uvs, "{statements}");
