@@ -58,7 +58,7 @@ impl Unit {
     pub(super) fn scale_bumps(self, materials: &mut [Material]) {
         for material in materials {
             if let Some(Relief::Bumps { scale, .. }) = &mut material.relief {
-                *scale = self.scaled(Vec3A::X * *scale).x;
+                *scale = self.scaled(Vec3A::X * *scale).x.clamp(f32::MIN, f32::MAX);
             }
         }
     }
