@@ -9,7 +9,7 @@ use std::{
     time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 
-use nst_render::{LoadOptions, Scene, Texture};
+use nst_render::{LoadOptions, Relief, Scene, Texture};
 use proptest::{
     prelude::*,
     sample::Index,
@@ -31,11 +31,11 @@ const FAULTY: &str = "# a scene\nmtllib x.mtl # a library\nMTLLIB \"x.mtl\" gone
     g other\nusemtl \"a metal\"\nf -3 -4 -5\nf 1/1 2/2 7/3 \\\n 8/1\nusemtl light\nf 1//1 2//2 8//-1\n\
     usemtl nowhere\nfo 2 3 7\nf 1 1 1\nl 1 2 3\nusemtl\nf 6/0/9 7/1/3 8//0 and more\nunknown 1\n";
 
-const MTL: &str = "newmtl textured\nKd 0.5 0.5 0.5\nmap_Kd -s 1 1 1 a.png\nmap_d a.png\n\
-    newmtl a metal\nKd 0 0 0\nKs .9 .8 .7\nNs 100\nillum 3\nmap_Kd b.jpg\n\
+const MTL: &str = "newmtl textured\nKd 0.5 0.5 0.5\nmap_Kd -s 1 1 1 a.png\nmap_d -mm 0 1 -clamp on e.bmp\n\
+    newmtl a metal\nKd 0 0 0\nKs .9 .8 .7\nNs 100\nillum 3\nmap_Kd b.jpg\nbump -bm .5 -o 1 2 a.png\n\
     newmtl light\nKe 5 4 3\nmap_Ke c.exr\nKd .2\n\
     newmtl glass\nd .5\nNi 1.5\nillum 7\nTr 0.5\nmap_Kd d.tga\n\
-    newmtl paint\nPr .1\nPm .2\nPs .3\nPc .4\nPcr .5\naniso .6\nmap_Kd e.bmp\n\
+    newmtl paint\nPr .1\nPm .2\nPs .3\nPc .4\nPcr .5\naniso .6\nmap_Kd e.bmp\nnorm d.tga\nd .5\n\
     newmtl web\nmap_Kd f.webp\nnewmtl old web\nmap_Ke g.gif\nnewmtl scan\nmap_Kd h.tif\n";
 
 const TOML: &str = "[camera]\nposition = [1.0, 2.0, 9.0]\ntarget = [0, 0, 0]\nvertical_fov = 40.0\n\
@@ -231,6 +231,14 @@ fn check(scene: &Scene) -> Result<(), TestCaseError> {
         prop_assert!(material.color_texture.iter().all(|t| texture(&t.image, 1.0)));
         prop_assert!(material.emission_texture.iter().all(|t| texture(&t.image, f32::MAX)));
         prop_assert!((0.0..=1.0).contains(&material.opacity));
+        for map in material.color_texture.iter().chain(&material.opacity_texture) {
+            prop_assert!(map.scale.is_finite() && map.offset.is_finite(), "{map:?}");
+        }
+        if let Some(Relief::Bumps { map, scale }) = &material.relief {
+            prop_assert!(
+                scale.is_finite() && map.image.texels().iter().flatten().all(|x| x.is_finite())
+            );
+        }
         prop_assert!(material.opacity_texture.iter().all(|t| texture(&t.image, 1.0)));
     }
     let camera = &scene.camera;

@@ -82,7 +82,8 @@ impl Placement {
     pub(super) fn scale_bumps(&self, materials: &mut [Material]) {
         for material in materials {
             if let Some(Relief::Bumps { scale, .. }) = &mut material.relief {
-                *scale = (f64::from(*scale) * power_of_two(self.exponent)) as f32;
+                let scaled = (f64::from(*scale) * power_of_two(self.exponent)) as f32;
+                *scale = scaled.clamp(f32::MIN, f32::MAX);
             }
         }
     }

@@ -164,7 +164,7 @@ impl Statements {
     fn relief(&self, context: &mut Context) -> Result<Option<Relief>, Error> {
         if let Some(map) = &self.norm {
             let normals = map.texture(&self.name, Meaning::Normals, None, context)?;
-            return Ok(normals.map(Relief::Normals));
+            return Ok(normals.map(|normals| normal_map(map, normals, context.report)));
         }
         let Some(map) = &self.bump else { return Ok(None) };
         let Some(normals) = map.texture(&self.name, Meaning::Normals, None, context)? else {
@@ -172,7 +172,7 @@ impl Statements {
         };
         if are_normals(&normals.image) {
             context.report.note("bump maps that contain normals, used as normal maps");
-            return Ok(Some(Relief::Normals(normals)));
+            return Ok(Some(normal_map(map, normals, context.report)));
         }
         let heights = map.texture(&self.name, Meaning::Heights, None, context)?;
         let scale = map.options.multiplier;
@@ -220,6 +220,13 @@ impl Statements {
         let (ks, _) = self.highlight()?;
         (black && self.pbr().is_none()).then_some(ks)
     }
+}
+
+fn normal_map(map: &Map, normals: TextureMap, report: &mut Report) -> Relief {
+    if map.options.multiplier != 1.0 {
+        report.note("option -bm of normal maps left out");
+    }
+    Relief::Normals(normals)
 }
 
 /// A clear body has no colour of its own, whatever the file says.

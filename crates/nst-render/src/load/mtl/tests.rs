@@ -213,6 +213,8 @@ fn reliefs() {
     let (m, notes) = with_notes("map_Bump normals.png");
     assert!(matches!(m.relief, Some(Relief::Normals(_))));
     assert_eq!(notes, ["bump maps that contain normals, used as normal maps"]);
+    let (_, notes) = with_notes("norm -bm 2 normals.png");
+    assert_eq!(notes, ["option -bm of normal maps left out"]);
     let (m, notes) = with_notes("norm normals.png\nbump mask.png\nmap_Ns a b.png\ndisp a b.png");
     let Some(Relief::Normals(map)) = m.relief else { panic!("{:?}", m.relief) };
     let expected = [128.0 / 255.0, 128.0 / 255.0, 1.0];
