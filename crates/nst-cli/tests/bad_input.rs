@@ -49,7 +49,7 @@ fn fails_with(bench: &Bench, args: &str, variables: &[(&str, &str)], code: i32, 
 #[test]
 fn scenes() {
     let bench = Bench::new();
-    let cases: [(&str, &str, &[&str]); 18] = [
+    let cases: [(&str, &str, &[&str]); 12] = [
         ("range.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", &["range.obj", "line 4", "vertex 9"]),
         ("back.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -4\n", &["back.obj", "line 4", "-4"]),
         ("nan.obj", "v 0 0 0\nv 1 nan 0\n", &["nan.obj", "line 2", "vertex", "not finite"]),
@@ -61,25 +61,8 @@ fn scenes() {
         ("flat.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", &["flat.obj", "zero area"]),
         ("word.obj", "v 0 zero 0\nf 1 1 1\n", &["word.obj", "line 1", "'zero'"]),
         ("binary.obj", "\u{7f}ELF\0\0", &["binary.obj", "no text"]),
-        (
-            "bad_mtl.obj",
-            &format!("mtllib bad.mtl\n{TRIANGLE}"),
-            &["bad.mtl", "line 2", "'m'", "'red'"],
-        ),
-        ("bad_kd.obj", &format!("mtllib kd.mtl\nusemtl m\n{TRIANGLE}"), &["kd.mtl", "'m'", "Kd"]),
-        ("bad_ke.obj", &format!("mtllib ke.mtl\nusemtl m\n{TRIANGLE}"), &["ke.mtl", "'m'", "Ke"]),
-        ("short_kd.obj", &format!("mtllib short.mtl\n{TRIANGLE}"), &["short.mtl", "line 2", "Kd"]),
-        ("no_map.obj", &format!("mtllib map.mtl\n{TRIANGLE}"), &["map.mtl", "line 2", "gone.png"]),
-        ("bad_map.obj", &format!("mtllib bad_map.mtl\n{TRIANGLE}"), &["text.png"]),
         ("toml.obj", TRIANGLE, &["toml.toml", "vertical_fo", "line 4", "'vertical_fov'"]),
     ];
-    bench.write("bad.mtl", "newmtl m\nKd red\n");
-    bench.write("kd.mtl", "newmtl m\nKd 2 0 0\n");
-    bench.write("ke.mtl", "newmtl m\nKe -1 0 0\n");
-    bench.write("short.mtl", "newmtl m\nKd 0.5 0.5\n");
-    bench.write("map.mtl", "newmtl m\nmap_Kd gone.png\n");
-    bench.write("bad_map.mtl", "newmtl m\nmap_Kd text.png\n");
-    bench.write("text.png", "no image");
     bench.write(
         "toml.toml",
         "[camera]\nposition = [0, 0, 5]\ntarget = [0, 0, 0]\nvertical_fo = 40.0\n",
@@ -92,6 +75,31 @@ fn scenes() {
     }
     fails(&bench, "render --scene gone.obj", 1, &["gone.obj", "read"]);
     fails(&bench, "render --scene .", 1, &["'.'"]);
+}
+
+/// Faults whose meaning is plain are noted, or refused with --strict.
+#[test]
+fn scenes_with_faults() {
+    let bench = Bench::new();
+    let cases: [(&str, &[&str]); 6] = [
+        ("Kd red", &["line 2", "'m'", "'red'"]),
+        ("Kd 2 0 0", &["line 2", "'m'", "Kd"]),
+        ("Ke -1 0 0", &["line 2", "'m'", "Ke"]),
+        ("Kd 0.5 0.5", &["line 2", "'m'", "Kd"]),
+        ("map_Kd gone.png", &["line 2", "gone.png"]),
+        ("map_Kd text.png", &["text.png"]),
+    ];
+    bench.write("text.png", "no image");
+    bench.write("x.obj", format!("mtllib x.mtl\nusemtl m\n{TRIANGLE}"));
+    let render = "render --scene x.obj --spp 1 --size 4x4";
+    for (statement, words) in cases {
+        bench.write("x.mtl", format!("newmtl m\n{statement}\n"));
+        fails(&bench, &format!("{render} --strict"), 1, words);
+        let said = bench.succeed(&format!("{render} -o {}.exr", statement.len()));
+        let note = said.lines().find(|line| words.iter().all(|word| line.contains(word)));
+        assert!(note.is_some_and(|line| line.contains("note")), "{statement}:\n{said}");
+    }
+    fails(&bench, &format!("{render} --strict"), 1, &["text.png"]);
 }
 
 #[test]

@@ -6,6 +6,7 @@
 //! near 0 outside, or where a wall is missing.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::{Material, Scattering, Triangle, scene::bounds};
 
@@ -62,7 +63,7 @@ fn winding_number(triangles: &[&Triangle], point: DVec3) -> f64 {
         let volume = a.dot(b.cross(c));
         volume.atan2(la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb)
     };
-    triangles.iter().map(half_angle).sum::<f64>() / (2.0 * std::f64::consts::PI)
+    triangles.par_iter().map(half_angle).sum::<f64>() / (2.0 * std::f64::consts::PI)
 }
 
 /// Whether walls cover all six sides of the bounding box, whichever way they face, and

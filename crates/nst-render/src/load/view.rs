@@ -3,6 +3,7 @@
 use std::ops::RangeInclusive;
 
 use glam::{DVec3, Vec3A};
+use rayon::prelude::*;
 
 use super::{exact::length_squared, units::Placement};
 use crate::{Camera, Triangle};
@@ -148,10 +149,10 @@ impl<'a> Frame<'a> {
             let [x, y] = [dot(p, right) / depth, dot(p, above) / depth];
             [x.clamp(-tan_x, tan_x), y.clamp(-tan_y, tan_y)]
         });
-        let none = [f64::INFINITY, f64::NEG_INFINITY];
-        let spans = seen.fold([none; 2], |spans, point| {
-            std::array::from_fn(|i| [spans[i][0].min(point[i]), spans[i][1].max(point[i])])
-        });
+        let spans = seen.map(|point| point.map(|x| [x, x])).reduce(
+            || [[f64::INFINITY, f64::NEG_INFINITY]; 2],
+            |a, b| std::array::from_fn(|i| [a[i][0].min(b[i][0]), a[i][1].max(b[i][1])]),
+        );
         // At most halfway to an edge: so the point itself stays well within the picture.
         let middle = |[low, high]: [f64; 2], tan: f64| {
             ((low + high) / 2.0).clamp(-tan / 2.0, tan / 2.0) * distance
@@ -163,9 +164,10 @@ impl<'a> Frame<'a> {
         self.point + axes(TOWARDS_CAMERA)[2] * distance
     }
 
-    fn corners(&self) -> impl Iterator<Item = DVec3> {
-        let positions = self.triangles.iter().flat_map(|triangle| triangle.positions);
-        positions.map(|position| position.as_dvec3() - self.point)
+    /// The corners, from the point.
+    fn corners(&self) -> impl ParallelIterator<Item = DVec3> {
+        let corners = self.triangles.par_iter().flat_map_iter(|triangle| triangle.positions);
+        corners.map(|position| position.as_dvec3() - self.point)
     }
 
     /// How far from the point a camera with these axes sees all corners.
@@ -175,9 +177,12 @@ impl<'a> Frame<'a> {
         // The planes through the camera and the edges of the picture: a corner is in the
         // picture if it is behind all of them.
         let planes = [back + x, back - x, back + y, back - y];
-        let distances =
-            planes.map(|plane| self.corners().map(move |p| dot(p, plane) / dot(direction, plane)));
-        distances.into_iter().flatten().fold(0.0, f64::max)
+        let furthest = self
+            .corners()
+            .map(|p| planes.map(|plane| dot(p, plane)))
+            .reduce(|| [f64::NEG_INFINITY; 4], |a, b| std::array::from_fn(|i| a[i].max(b[i])));
+        let distances = furthest.iter().zip(planes).map(|(far, plane)| far / dot(direction, plane));
+        distances.fold(0.0, f64::max)
     }
 }
 
