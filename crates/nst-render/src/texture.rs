@@ -199,6 +199,23 @@ mod tests {
     }
 
     #[test]
+    fn maps_scale_move_and_end() {
+        let texels = vec![[0.0; 3], [1.0; 3], [2.0; 3], [3.0; 3]];
+        let image = Arc::new(Texture::new([4, 1], texels).expect("four texels"));
+        let plain = TextureMap::from(image);
+        let at = |map: &TextureMap, u| map.sample(Vec2::new(u, 0.5)).x;
+        assert_eq!([at(&plain, 0.125), at(&plain, 1.125), at(&plain, 0.0)], [0.0, 0.0, 1.5]);
+        let clamped = TextureMap { clamp: true, ..plain.clone() };
+        assert_eq!([at(&clamped, 0.0), at(&clamped, -7.0), at(&clamped, 9.0)], [0.0, 0.0, 3.0]);
+        let scale = Vec2::new(2.0, 1.0);
+        let moved = TextureMap { scale, offset: Vec2::new(0.125, 0.0), ..plain };
+        assert_eq!([at(&moved, 0.0), at(&moved, 0.25)], [0.0, 2.0]);
+        // A texel is a quarter of u; u is doubled.
+        assert_eq!(moved.gradient(Vec2::new(0.2, 0.5)), Vec2::new(8.0, 0.0));
+        assert_eq!(clamped.gradient(Vec2::new(9.0, 0.5)), Vec2::ZERO);
+    }
+
+    #[test]
     fn digests_tell_images_apart() {
         let texels = vec![[0.5; 3], [1.0, 2.0, 3.0]];
         let plain = Texture::new([2, 1], texels.clone()).expect("two texels");

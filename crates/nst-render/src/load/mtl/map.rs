@@ -3,9 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use super::{
-    Context,
+    context::{Context, UNREADABLE},
     options::{self, Options},
-    statements::UNREADABLE,
 };
 use crate::{
     Error, TextureMap,

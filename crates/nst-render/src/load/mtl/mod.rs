@@ -1,5 +1,6 @@
 //! Materials from an MTL file; `docs/scenes.md` has the table of keys.
 
+mod context;
 mod map;
 mod options;
 mod statements;
@@ -18,17 +19,14 @@ use super::{
 };
 use crate::{Disney, Error, Material, Relief, Scattering, TextureMap};
 
-use self::{map::Map, statements::Statements};
+use self::{
+    context::{Context, OUT_OF_RANGE},
+    map::Map,
+    statements::Statements,
+};
 
 /// Reflectance of a material that says nothing about it.
 const DEFAULT_COLOR: f32 = 0.8;
-
-/// What one material is made of: the file, and where its images and notes go.
-struct Context<'a> {
-    path: &'a Path,
-    images: &'a mut Images,
-    report: &'a mut Report,
-}
 
 /// Reads the materials of an MTL file.
 ///
@@ -126,7 +124,7 @@ impl Statements {
             let (name, least) = (quoted(&self.name), IOR.start());
             let rule = format!("of a transparent material is not within {least} and {most}");
             let fault = || format!("material {name}: Ni {ior} {rule}");
-            context.report.forgive(statements::OUT_OF_RANGE, context.path, line, fault)?;
+            context.report.forgive(OUT_OF_RANGE, context.path, line, fault)?;
         }
         Ok(ior.min(most))
     }
@@ -211,7 +209,8 @@ impl Statements {
     /// Colour and exponent, if the illumination model has a highlight.
     fn highlight(&self) -> Option<(Vec3A, f32)> {
         let ks = self.ks.filter(|&ks| self.illum >= 2 && ks != Vec3A::ZERO)?;
-        Some((ks, self.ns?))
+        // Programs write an exponent of 0 where there is no highlight; as one, it is no cone at all.
+        Some((ks, self.ns.filter(|&ns| ns > 0.0)?))
     }
 
     /// Black but for its highlight: a metal of the highlight's colour.

@@ -4,7 +4,10 @@ use std::{ops::RangeInclusive, path::Path};
 
 use glam::Vec3A;
 
-use super::map::Map;
+use super::{
+    context::{OUT_OF_RANGE, UNREADABLE},
+    map::Map,
+};
 use crate::{
     Error,
     load::{
@@ -13,11 +16,6 @@ use crate::{
         text::{Line, number_within, quoted},
     },
 };
-
-/// What is done about a number beyond its range.
-pub(super) const OUT_OF_RANGE: &str = "numbers of materials beyond their range, set to its end";
-/// What is done about a statement that says nothing.
-pub(super) const UNREADABLE: &str = "statements of materials that make no sense, left out";
 
 /// Keys that change the look of a surface, but that nothing here reads, beside those that
 /// begin with `map_`.

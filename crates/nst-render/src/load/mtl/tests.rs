@@ -91,7 +91,7 @@ fn highlights_make_a_disney_material() {
     let metal = material("Kd 0 0 0\nKs .9 .8 .1\nNs 30\nillum 3");
     assert_eq!(metal.color, Vec3A::new(0.9, 0.8, 0.1));
     assert!(matches!(metal.scattering, Scattering::Disney(Disney { metallic: 1.0, .. })));
-    for matte in ["Ks 1\nillum 2", "Ks 1\nNs 9", "Ks 0\nNs 9\nillum 2"] {
+    for matte in ["Ks 1\nillum 2", "Ks 1\nNs 9", "Ks 0\nNs 9\nillum 2", "Ks 1\nNs 0\nillum 2"] {
         assert_eq!(material(matte).scattering, Scattering::Lambert, "{matte}");
     }
 }
@@ -270,7 +270,7 @@ fn faults_are_forgiven() {
     let notes = report.notes();
     assert_eq!(notes.len(), 3, "{notes:?}");
     assert!(notes[0].starts_with("statements of no material, left out: 2 ("), "{notes:?}");
-    assert!(notes[2].starts_with(statements::OUT_OF_RANGE), "{notes:?}");
+    assert!(notes[2].starts_with(OUT_OF_RANGE), "{notes:?}");
 }
 
 #[test]

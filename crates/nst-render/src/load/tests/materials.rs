@@ -35,7 +35,7 @@ fn what_is_meant_to_be_opaque_is_opaque() {
         let scene = square(&format!("newmtl a\n{color}{statements}"));
         let a = material(&scene, "a");
         assert_eq!((a.color, a.opacity), (Vec3A::new(0.25, 0.5, 0.75), 1.0), "{statements}");
-        assert!(!matches!(a.scattering, Scattering::Dielectric { .. }), "{statements}");
+        assert_eq!(a.scattering, Scattering::Lambert, "{statements}");
         assert!(not_opaque(&scene).is_empty(), "{statements}: {:?}", scene.notes);
     }
 }
