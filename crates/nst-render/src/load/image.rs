@@ -12,8 +12,6 @@ use std::{
 
 use nst_files::header::is_exr;
 
-pub(super) use pixels::srgb_to_linear;
-
 use super::{ranges::RADIANCE, report::Report};
 use crate::{Error, Texture};
 

@@ -3,7 +3,8 @@
 use std::{path::Path, sync::Arc};
 
 use super::{
-    image::{Images, Numbers, no_pixels, numbers, srgb_to_linear},
+    exact::srgb_to_linear,
+    image::{Images, Numbers, no_pixels, numbers},
     ranges::{RADIANCE, UNIT},
     report::Report,
 };

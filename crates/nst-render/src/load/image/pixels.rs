@@ -5,7 +5,7 @@ use std::{io::Cursor, path::Path};
 use image::{ColorType, DynamicImage, ImageReader, Limits};
 
 use super::{Pixels, Purpose};
-use crate::Error;
+use crate::{Error, load::exact::srgb_to_linear};
 
 /// What a message says can be read.
 const SUPPORTED: &str =
@@ -64,9 +64,4 @@ fn linear_8(image: DynamicImage) -> Vec<[f32; 3]> {
 fn linear_16(image: DynamicImage) -> Vec<[f32; 3]> {
     let linear = |x| srgb_to_linear(f32::from(x) / 65535.0);
     image.into_rgb16().pixels().map(|pixel| pixel.0.map(linear)).collect()
-}
-
-/// IEC 61966-2-1.
-pub(in crate::load) fn srgb_to_linear(x: f32) -> f32 {
-    if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
