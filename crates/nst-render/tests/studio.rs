@@ -208,3 +208,24 @@ fn lamps_are_not_in_the_picture() {
         }
     }
 }
+
+/// What glows is no lamp: the studio lights it. A lamp does without.
+#[test]
+fn scenes_with_lamps_get_no_studio() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("x.obj");
+    let obj = "mtllib x.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n";
+    std::fs::write(&path, obj).expect("a file");
+    for (emission, has_studio) in
+        [("0 0 0", true), ("0 0 .1", true), ("1 1 1", true), ("0 1.5 0", false)]
+    {
+        std::fs::write(folder.path().join("x.mtl"), format!("newmtl a\nKe {emission}\n"))
+            .expect("a file");
+        let scene = Scene::load(&path).expect("a good scene");
+        assert_eq!(scene.triangles.len() > 1, has_studio, "{emission}");
+        let note = scene.notes.iter().find(|note| note.contains("studio"));
+        assert_eq!(note.is_some(), has_studio, "{:?}", scene.notes);
+        let glows = note.is_some_and(|note| note.starts_with("nothing is a lamp"));
+        assert_eq!(glows, has_studio && emission != "0 0 0", "{emission}: {note:?}");
+    }
+}

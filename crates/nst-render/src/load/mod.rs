@@ -33,6 +33,11 @@ const DEFAULT_SIZE: [u32; 2] = [512, 512];
 /// Enough for light from several walls; further vertices add little but time.
 const DEFAULT_MAX_DEPTH: u32 = 8;
 
+/// The radiance of white paper in the sun of a picture. What emits no more than this is meant
+/// to glow, as signs and screens do, not to light a scene: many programs write colours of
+/// 0 to 1 there.
+const WHITE: f32 = 1.0;
+
 /// How to read a scene.
 #[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
@@ -88,13 +93,16 @@ impl Scene {
                 sidecar.camera_error(&sidecar_path, part, message)
             }
         })?;
-        let lit = triangles.iter().any(|t| materials[t.material as usize].emits());
+        let brightest = studio::brightest(&triangles, &materials);
+        let lit = brightest > WHITE;
         let environment = match options.lighting.or(sidecar.lighting) {
             None if sidecar.environment.is_some() || lit => sidecar.environment.unwrap_or_default(),
             lighting => {
                 let chosen = lighting.unwrap_or(Lighting::Studio);
                 if lighting.is_none() {
-                    report.note(format!("nothing emits light: {} does", chosen.description()));
+                    let what =
+                        if brightest > 0.0 { "nothing is a lamp" } else { "nothing emits light" };
+                    report.note(format!("{what}: {} lights the scene", chosen.description()));
                 }
                 let (triangles, materials) = (&mut triangles, &mut materials);
                 Stage { triangles, materials, camera: &camera, aspect }.light(chosen)

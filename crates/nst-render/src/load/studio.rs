@@ -68,6 +68,12 @@ impl FromStr for Lighting {
     }
 }
 
+/// The largest component of the radiance that any triangle emits, textures apart.
+pub(super) fn brightest(triangles: &[Triangle], materials: &[Material]) -> f32 {
+    let emission = |triangle: &Triangle| materials[triangle.material as usize].emission;
+    triangles.iter().map(|triangle| emission(triangle).max_element()).fold(0.0, f32::max)
+}
+
 /// The triangles and materials of a scene that is to be lit.
 pub(super) struct Stage<'a> {
     pub(super) triangles: &'a mut Vec<Triangle>,
