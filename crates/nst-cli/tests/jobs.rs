@@ -344,3 +344,57 @@ fn samplers_and_integrators_differ_in_what_they_say_they_do() {
     let sum = |file: &SequenceFile| file.batch.last().iter().map(|&x| f64::from(x)).sum::<f64>();
     assert!(sum(&direct) < 0.95 * sum(&random));
 }
+
+/// The same picture for the screen, however it was made, and from strips.
+#[test]
+fn transform_writes_the_png_of_its_rendering() {
+    let bench = Bench::new();
+    bench.write("pyramid.obj", PYRAMID);
+    let render = "render --scene pyramid.obj --spp 8 --size 300x900 --max-depth 2 --quiet";
+    bench.succeed(&format!("{render} --transform ridge --sequence seq.exr -o direct.exr"));
+    bench.succeed("transform seq.exr --transform ridge -o stored.exr --quiet");
+    let [direct, stored] =
+        ["direct.png", "stored.png"].map(|name| std::fs::read(bench.path(name)).expect(name));
+    assert!(direct == stored && direct.starts_with(b"\x89PNG"));
+    // One channel is grey.
+    bench.succeed("pack direct.exr --layer S.R --spp 8 -o mono.exr -q");
+    bench.succeed("transform mono.exr --quiet");
+    assert!(bench.files().contains(&"mono.nst.png".to_owned()));
+}
+
+#[test]
+fn counts_and_seeds_that_are_no_numbers_get_help() {
+    let bench = Bench::new();
+    bench.write("pyramid.obj", PYRAMID);
+    for (option, words) in [
+        ("--spp 1e6", "write it in full: 1000000"),
+        ("--spp -3", "whole number from 1 on"),
+        ("--runs many", "whole number from 1 on"),
+        ("--seed -1", "whole number from 0 to 18446744073709551615"),
+        ("--max-depth 0", "whole number from 1 on"),
+    ] {
+        let output = bench.nst(&format!("render --scene pyramid.obj {option}"));
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(words), "{option}: {said}");
+    }
+}
+
+#[test]
+fn shells_and_manuals_know_all_commands() {
+    let bench = Bench::new();
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let said = bench.succeed(&format!("completions {shell}"));
+        assert!(said.contains("transform") && said.contains("camera-position"), "{shell}");
+    }
+    let manual = bench.succeed("man");
+    assert!(manual.contains(".TH nst") && manual.contains("transform"), "{manual}");
+    let manual = bench.succeed("man render");
+    assert!(manual.contains("camera\\-position") && manual.contains("nst\\-render"), "{manual}");
+    let output = bench.nst("man paint");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        output.status.code() == Some(2) && said.contains("there are render, transform"),
+        "{said}"
+    );
+}

@@ -1,6 +1,12 @@
 //! PNG pictures for the screen.
 
-use std::{fs::File, io::BufReader, path::Path};
+use std::{
+    fs::File,
+    io::{BufReader, Write},
+    path::Path,
+};
+
+use ::png::{Encoder, EncodingError, StreamWriter};
 
 use crate::{
     Error,
@@ -16,11 +22,9 @@ pub(crate) const SIGNATURE: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
 /// # Errors
 /// [`Error::Io`] or [`Error::Malformed`] if it cannot be written.
 pub fn write(output: &mut OutputFile, size: [u32; 2], rgb: &[f32]) -> Result<(), Error> {
-    let pixels = rgb.len() / 3;
-    let bytes: Vec<u8> = (0..pixels)
-        .flat_map(|i| [0, 1, 2].map(|channel| srgb_byte(rgb[channel * pixels + i])))
-        .collect();
-    write_rgb8(output, size, &bytes)
+    let mut writer = PngWriter::create(output, size)?;
+    writer.push(rgb, 3)?;
+    writer.finish()
 }
 
 /// Writes a PNG of bytes `[y][x][channel]`, as they are. Its metadata name `nst` as the
@@ -30,20 +34,71 @@ pub(crate) fn write_rgb8(
     size: [u32; 2],
     bytes: &[u8],
 ) -> Result<(), Error> {
-    let path = output.path().to_owned();
-    let mut write = || {
-        let mut png = ::png::Encoder::new(output.file(), size[0], size[1]);
+    let mut writer = PngWriter::create(output, size)?;
+    writer.push_bytes(bytes)?;
+    writer.finish()
+}
+
+/// An 8-bit PNG that is written strip by strip.
+pub struct PngWriter<'a> {
+    output: &'a OutputFile,
+    stream: StreamWriter<'static, File>,
+}
+
+impl<'a> PngWriter<'a> {
+    /// Writes the header.
+    ///
+    /// # Errors
+    /// [`Error::Io`] or [`Error::Malformed`] if it cannot be written.
+    pub fn create(output: &'a mut OutputFile, size: [u32; 2]) -> Result<Self, Error> {
+        let file = output.file().try_clone();
+        let output = &*output;
+        let file = file.map_err(|error| Error::io("write", output.path(), error))?;
+        let mut png = Encoder::new(file, size[0], size[1]);
         png.set_color(::png::ColorType::Rgb);
         png.set_source_srgb(::png::SrgbRenderingIntent::Perceptual);
-        png.add_text_chunk("Software".into(), SOFTWARE.into())?;
-        let mut png = png.write_header()?;
-        png.write_image_data(bytes)?;
-        png.finish()
-    };
-    write().map_err(|error| match error {
-        ::png::EncodingError::IoError(error) => Error::io("write", &path, error),
-        error => Error::malformed(&path, error.to_string()),
-    })
+        let stream = png
+            .add_text_chunk("Software".into(), SOFTWARE.into())
+            .and_then(|()| png.write_header())
+            .and_then(|png| png.into_stream_writer());
+        match stream {
+            Ok(stream) => Ok(Self { output, stream }),
+            Err(error) => Err(failed(output.path(), error)),
+        }
+    }
+
+    /// Writes whole rows: planar linear lanes of three channels, or of one that is grey, clamped to
+    /// [0, 1] and encoded by the sRGB transfer function (IEC 61966-2-1).
+    ///
+    /// # Errors
+    /// [`Error::Io`] if they cannot be written.
+    pub fn push(&mut self, lanes: &[f32], channels: usize) -> Result<(), Error> {
+        let pixels = lanes.len() / channels;
+        let lane = |channel: usize, i: usize| lanes[channel.min(channels - 1) * pixels + i];
+        let bytes: Vec<u8> = (0..pixels)
+            .flat_map(|i| [0, 1, 2].map(|channel| srgb_byte(lane(channel, i))))
+            .collect();
+        self.push_bytes(&bytes)
+    }
+
+    fn push_bytes(&mut self, bytes: &[u8]) -> Result<(), Error> {
+        self.stream.write_all(bytes).map_err(|error| Error::io("write", self.output.path(), error))
+    }
+
+    /// Writes the end.
+    ///
+    /// # Errors
+    /// [`Error::Io`] or [`Error::Malformed`] if it cannot be written, or rows are missing.
+    pub fn finish(self) -> Result<(), Error> {
+        self.stream.finish().map_err(|error| failed(self.output.path(), error))
+    }
+}
+
+fn failed(path: &Path, error: EncodingError) -> Error {
+    match error {
+        EncodingError::IoError(error) => Error::io("write", path, error),
+        error => Error::malformed(path, error.to_string()),
+    }
 }
 
 /// Which program wrote a PNG file, if the file says so before its pixels.

@@ -27,12 +27,15 @@ fn all() -> std::sync::MutexGuard<'static, BTreeSet<PathBuf>> {
     ALL.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Deletes the temporary files of all outputs, for a process that ends at once.
+/// Deletes the temporary files of all outputs, for a process that ends at once: other
+/// threads that open or close an output from now on wait for its end.
 pub fn abandon_all() {
-    for path in &*all() {
+    let all = all();
+    for path in &*all {
         // It may be gone, or be a finished file now; there is nobody to tell.
         let _ = std::fs::remove_file(path);
     }
+    std::mem::forget(all);
 }
 
 /// A temporary file; it is deleted when it is dropped.
@@ -61,11 +64,14 @@ impl Temporary {
         // A temporary file is private by default; an output follows the umask.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        // There is no moment at which the file is there, but not in the list.
+        let mut all = all();
         let file = builder.tempfile_in(folder)?;
+        let listed = Listed(file.path().to_owned());
+        all.insert(listed.0.clone());
+        drop(all);
         // Where the file system knows no locks, nobody deletes what is left behind.
         let _ = file.as_file().try_lock();
-        let listed = Listed(file.path().to_owned());
-        all().insert(listed.0.clone());
         Ok(Self { file, listed })
     }
 

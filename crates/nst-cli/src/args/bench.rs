@@ -7,6 +7,7 @@ use clap::Subcommand;
 use super::{
     common::CommonArgs,
     method::{BackendArg, TransformArg, transform},
+    values::{count, seed},
 };
 
 /// Measure methods and compare them.
@@ -32,13 +33,13 @@ pub(crate) struct BenchSceneArgs {
     #[arg(long, value_name = "EXR")]
     pub(crate) reference: PathBuf,
     /// Sample counts to render with.
-    #[arg(long, value_delimiter = ',', default_values_t = [8, 16, 32, 64], value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_delimiter = ',', default_values_t = [8, 16, 32, 64], value_parser = count, allow_negative_numbers = true)]
     pub(crate) spp: Vec<u32>,
     /// Independent renderings per sample count.
-    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = 10, value_parser = count, allow_negative_numbers = true)]
     pub(crate) runs: u32,
     /// Seed of the first run; those of the others count up from it.
-    #[arg(long, default_value_t = 1_000_000)]
+    #[arg(long, default_value_t = 1_000_000, value_parser = seed, allow_negative_numbers = true)]
     pub(crate) seed: u64,
     /// Methods to compare: `auto`, or names as for `nst transform`; `none` is always
     /// included.

@@ -21,7 +21,7 @@ pub(crate) use values::has_extension;
 
 /// Monte Carlo renderings that converge faster: neural sequence transformation.
 #[derive(Debug, Parser)]
-#[command(version)]
+#[command(name = "nst", version)]
 pub(crate) struct Args {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -36,6 +36,8 @@ pub(crate) enum Command {
     Info(InfoArgs),
     Compare(CompareArgs),
     Bench(BenchArgs),
+    Completions(CompletionsArgs),
+    Man(ManArgs),
 }
 
 impl Command {
@@ -48,19 +50,22 @@ impl Command {
             Self::Merge(args) => &args.common,
             Self::Info(args) => &args.common,
             Self::Compare(args) => &args.common,
+            Self::Completions(args) => &args.common,
+            Self::Man(args) => &args.common,
             Self::Bench(BenchArgs { bench: Bench::Scene(args) }) => &args.common,
             Self::Bench(BenchArgs { bench: Bench::Stability(args) }) => &args.common,
         }
     }
 }
 
-/// Transform a stored sequence, write EXR.
+/// Transform a stored sequence, write EXR and PNG.
 #[derive(Debug, clap::Args)]
 pub(crate) struct TransformArgs {
     /// Sequence file, as written by `nst render --sequence`.
     #[arg(value_name = "EXR")]
     pub(crate) sequence: PathBuf,
-    /// Picture to write. [default: beside the sequence, ending in .nst.exr]
+    /// Picture to write; a PNG is written beside it. [default: beside the sequence, ending in
+    /// .nst.exr]
     #[arg(short, long, value_name = "EXR", value_parser = ending_in("exr"))]
     pub(crate) output: Option<PathBuf>,
     #[command(flatten)]
@@ -115,6 +120,29 @@ pub(crate) struct CompareArgs {
     /// logarithmic scale.
     #[arg(long, value_name = "PNG", value_parser = ending_in("png"))]
     pub(crate) error_map: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) common: CommonArgs,
+}
+
+/// Print what a shell needs to complete the options of this program.
+///
+/// For example, for bash: nst completions bash > ~/.local/share/bash-completion/completions/nst
+#[derive(Debug, clap::Args)]
+pub(crate) struct CompletionsArgs {
+    /// The shell.
+    #[arg(value_enum)]
+    pub(crate) shell: clap_complete::Shell,
+    #[command(flatten)]
+    pub(crate) common: CommonArgs,
+}
+
+/// Print the manual page of this program, or of one of its commands.
+///
+/// For example: nst man render | man -l -
+#[derive(Debug, clap::Args)]
+pub(crate) struct ManArgs {
+    /// The command.
+    pub(crate) command: Option<String>,
     #[command(flatten)]
     pub(crate) common: CommonArgs,
 }

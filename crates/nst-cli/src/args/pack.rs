@@ -4,7 +4,10 @@ use std::path::PathBuf;
 
 use clap::ValueEnum;
 
-use super::common::CommonArgs;
+use super::{
+    common::CommonArgs,
+    values::{count, seed},
+};
 
 /// Make a sequence from pictures of another renderer.
 ///
@@ -26,18 +29,18 @@ pub(crate) struct PackArgs {
     #[arg(long, value_name = "LAYER", alias = "channels")]
     pub(crate) layer: Option<String>,
     /// With --as samples: samples per pixel of each file. [default: what the files say]
-    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "K", value_parser = count, allow_negative_numbers = true)]
     pub(crate) spp: Option<u32>,
     /// With --as estimates: samples per pixel of each file, as in 1,2,4,8.
     /// [default: what the files or their names say]
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = count, allow_negative_numbers = true)]
     pub(crate) spp_list: Option<Vec<u32>>,
     /// Name of the scene, to be stored in the sequence.
     #[arg(long, value_name = "NAME")]
     pub(crate) scene: Option<String>,
     /// Seed that the other renderer used, to be stored in the sequence; `nst merge` needs
     /// it.
-    #[arg(long)]
+    #[arg(long, value_parser = seed, allow_negative_numbers = true)]
     pub(crate) seed: Option<u64>,
     #[command(flatten)]
     pub(crate) common: CommonArgs,

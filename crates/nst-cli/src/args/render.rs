@@ -9,7 +9,7 @@ use nst_render::{Lighting, LoadOptions, PixelFilter, SamplerKind, View};
 use super::{
     common::CommonArgs,
     method::MethodArgs,
-    values::{ending_in, has_extension, point, size},
+    values::{count, ending_in, has_extension, point, seed, size},
 };
 use crate::error::Error;
 
@@ -21,7 +21,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "OBJ")]
     pub(crate) scene: PathBuf,
     /// Samples per pixel.
-    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = 64, value_parser = count, allow_negative_numbers = true)]
     pub(crate) spp: u32,
     /// Picture to write (.exr); a PNG is written beside it. With --runs, the dataset
     /// (.safetensors). [default: the scene's name, in this folder]
@@ -29,7 +29,7 @@ pub(crate) struct RenderArgs {
     pub(crate) output: Option<PathBuf>,
     /// Instead of a picture, write a dataset for training: this many independent runs,
     /// whose seeds count up from --seed.
-    #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "sequence")]
+    #[arg(long, value_name = "R", value_parser = count, allow_negative_numbers = true, conflicts_with = "sequence")]
     pub(crate) runs: Option<u32>,
     /// Also store the sequence, for `nst transform` and --resume.
     #[arg(long, value_name = "EXR", value_parser = ending_in("exr"))]
@@ -67,14 +67,14 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_enum)]
     pub(crate) sampler: Option<SamplerArg>,
     /// Seed of the random numbers; runs with different seeds are independent. [default: 0]
-    #[arg(long)]
+    #[arg(long, value_parser = seed, allow_negative_numbers = true)]
     pub(crate) seed: Option<u64>,
     /// `path`: paths up to the depth; `direct`: depth 2, direct light only. [default: path]
     #[arg(long, value_enum)]
     pub(crate) integrator: Option<IntegratorArg>,
     /// Path vertices after the camera that may scatter or emit: 1 shows lights only.
     /// [default: the scene's]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = count, allow_negative_numbers = true)]
     pub(crate) max_depth: Option<u32>,
     /// Where in a pixel samples are. [default: box]
     #[arg(long, value_enum)]

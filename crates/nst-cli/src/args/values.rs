@@ -11,6 +11,29 @@ pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
         .ok_or_else(|| "a size is two numbers above 0, as in 512x512".to_owned())
 }
 
+/// A whole number from 1 on, as of samples.
+pub(super) fn count(text: &str) -> Result<u32, String> {
+    let number: Result<u32, _> = text.parse();
+    if let Ok(number @ 1..) = number {
+        return Ok(number);
+    }
+    match text.parse::<f64>() {
+        // As in 1e6 or 64.0.
+        Ok(number) if number >= 1.0 && number <= f64::from(u32::MAX) && number.fract() == 0.0 => {
+            Err(format!("write it in full: {}", number as u32))
+        }
+        Ok(number) if number >= 1.0 && number.fract() == 0.0 => {
+            Err(format!("the most is {}", u32::MAX))
+        }
+        _ => Err("it must be a whole number from 1 on, as in 64".to_owned()),
+    }
+}
+
+/// A seed of random numbers.
+pub(super) fn seed(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| format!("a seed is a whole number from 0 to {}", u64::MAX))
+}
+
 /// Three numbers.
 pub(super) fn point(text: &str) -> Result<[f64; 3], String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
@@ -48,6 +71,17 @@ mod tests {
         for bad in ["640", "640x", "0x3", "-1x3", "1x2x3"] {
             assert!(size(bad).is_err(), "{bad}");
         }
+        assert_eq!((count("64"), seed("0")), (Ok(64), Ok(0)));
+        let message = |text| count(text).expect_err(text);
+        assert_eq!(message("1e6"), "write it in full: 1000000");
+        assert_eq!(message("64.0"), "write it in full: 64");
+        assert!(message("1e10").contains("the most is 4294967295"));
+        for bad in ["0", "-1", "1.5", "many", "nan", ""] {
+            assert!(message(bad).contains("whole number from 1 on"), "{bad}");
+        }
+        assert!(
+            seed("-1").is_err_and(|message| message.contains("from 0 to 18446744073709551615"))
+        );
         assert_eq!(point("0,-1.5, 4e2"), Ok([0.0, -1.5, 400.0]));
         for bad in ["1,2", "1,2,3,4", "1,2,x", "1,2,inf", ""] {
             assert!(point(bad).is_err(), "{bad}");

@@ -2,6 +2,7 @@
 
 mod bench;
 mod compare;
+mod describe;
 mod info;
 mod merge;
 mod pack;
@@ -25,6 +26,8 @@ pub(crate) fn run(command: &Command) -> Result<Done, Error> {
         Command::Info(args) => info::run(args).map(Done::whole),
         Command::Compare(args) => compare::run(args).map(Done::whole),
         Command::Bench(args) => bench::run(args),
+        Command::Completions(args) => describe::completions(args).map(Done::whole),
+        Command::Man(args) => describe::manual(args).map(Done::whole),
     }
 }
 

@@ -4,8 +4,9 @@ use std::time::{Duration, Instant};
 
 use nst_core::{Estimates, Grid, SequenceBatch, Side, Strips, Support};
 use nst_files::{
-    output::{Kind, Name, OutputFile, Outputs},
+    output::{Kind, Name, OutputFile, Outputs, commit},
     picture_writer::PictureWriter,
+    png::PngWriter,
     sequence_file::{SequenceInfo, SequenceReader},
 };
 
@@ -39,19 +40,21 @@ pub(super) fn run(args: &TransformArgs) -> Result<Summary, Error> {
         None => (&default, Name::Default),
     };
     let mut exr = outputs.open(path, Kind::Picture, name)?;
-    let lanes = write(&mut watch, &method, &mut reader, &info, &mut exr)?;
-    timed(&mut watch.io, || exr.commit())?;
-    let files = vec![path.display().to_string()];
+    // The program chose this name, not the user.
+    let mut png = outputs.open(&path.with_extension("png"), Kind::Png, Name::Default)?;
+    let lanes = write(&mut watch, &method, &mut reader, &info, [&mut exr, &mut png])?;
+    let files = [&exr, &png].map(|file| file.path().display().to_string()).to_vec();
+    timed(&mut watch.io, || commit([exr, png]))?;
     Ok(watch.summary(None, &method, lanes, files, (Vec::new(), 0)))
 }
 
-/// Transforms the sequence into a picture with the layers `S` and `Variance`.
+/// Transforms the sequence into a picture with the layers `S` and `Variance`, and into a PNG.
 fn write(
     watch: &mut Stopwatch,
     method: &Method,
     reader: &mut SequenceReader,
     info: &SequenceInfo,
-    exr: &mut OutputFile,
+    [exr, png]: [&mut OutputFile; 2],
 ) -> Result<LaneCounts, Error> {
     let start = Instant::now();
     let mut strips = TimedStrips { strips: reader, time: Duration::ZERO };
@@ -62,6 +65,8 @@ fn write(
     let variance = info.sides.contains(&Side::Variance);
     layers.extend(variance.then_some("Variance"));
     let mut picture = PictureWriter::create(exr, info.size, info.model, &layers)?;
+    let mut png = PngWriter::create(png, info.size)?;
+    let channels = info.model.channels().len();
     let mut estimates = Estimates::default();
     let mut lanes = LaneCounts::default();
     strips.rewind(method.transform.requires().halo())?;
@@ -74,10 +79,16 @@ fn write(
             .into_iter()
             .chain([&last, &variance].into_iter().flatten().map(AsRef::as_ref))
             .collect();
-        timed(&mut watch.io, || picture.push(&layers))?;
+        timed(&mut watch.io, || {
+            picture.push(&layers)?;
+            png.push(estimates.values(), channels)
+        })?;
     }
     watch.io += strips.time;
-    timed(&mut watch.io, || picture.finish())?;
+    timed(&mut watch.io, || {
+        picture.finish()?;
+        png.finish()
+    })?;
     Ok(lanes)
 }
 
