@@ -24,9 +24,11 @@ pub mod pack;
 pub mod picture;
 pub mod picture_writer;
 pub mod png;
+mod primaries;
 mod rows;
 pub mod sequence_file;
 mod temporary;
+mod window;
 
 pub use error::Error;
 pub use layers::ColorModel;

@@ -23,6 +23,7 @@ use rayon::prelude::*;
 use crate::{
     Error,
     header::{ExrHeader, Part, Window, open},
+    primaries,
 };
 
 /// A layer of an EXR file whose header has been read and checked; its pixels
@@ -140,22 +141,7 @@ impl Picture {
     /// converts them.
     #[must_use]
     pub fn primaries_note(&self) -> Option<String> {
-        let primaries = self.chromaticities?;
-        let is_near = |other: &[[f32; 2]; 4]| {
-            primaries
-                .iter()
-                .flatten()
-                .zip(other.iter().flatten())
-                .all(|(a, b)| (a - b).abs() < 2e-3)
-        };
-        let (name, known) = PRIMARIES[0];
-        if is_near(&known) {
-            return None;
-        }
-        let found = PRIMARIES.iter().find(|(_, known)| is_near(known));
-        let whose = found.map_or("others", |(name, _)| name);
-        let path = self.path.display();
-        Some(format!("'{path}' has not the primaries of {name}, but {whose}: taken as they are"))
+        primaries::note(&self.path, self.chromaticities?)
     }
 
     /// Reads some rows, counted from the top, as planar lanes: `[channel][y][x]`.
@@ -292,20 +278,6 @@ fn read_line(line: &LineRef<'_>, kind: SampleType, lanes: &mut [f32]) -> exr::er
     Ok(())
 }
 
-/// Chromaticities in CIE xy, from ITU-R BT.709 and BT.2020, SMPTE EG 432-1 (P3), and the
-/// Academy's S-2014-004 and TB-2014-004.
-const PRIMARIES: [(&str, [[f32; 2]; 4]); 5] = {
-    const D65: [f32; 2] = [0.3127, 0.3290];
-    const ACES: [f32; 2] = [0.32168, 0.33767];
-    [
-        ("sRGB", [[0.64, 0.33], [0.30, 0.60], [0.15, 0.06], D65]),
-        ("Rec. 2020", [[0.708, 0.292], [0.170, 0.797], [0.131, 0.046], D65]),
-        ("Display P3", [[0.680, 0.320], [0.265, 0.690], [0.150, 0.060], D65]),
-        ("ACEScg (AP1)", [[0.713, 0.293], [0.165, 0.830], [0.128, 0.044], ACES]),
-        ("ACES (AP0)", [[0.7347, 0.2653], [0.0, 1.0], [0.0001, -0.0770], ACES]),
-    ]
-};
-
 /// pbrt writes an integer; other programs write text or a float; Blender, one for each view
 /// layer.
 fn samples_per_pixel(part: &Part, layer: &str) -> Option<u32> {
@@ -397,31 +369,6 @@ mod tests {
         assert_eq!(picture.read_window(&part).expect("pixels"), expected);
         let whole = picture.read_window(&picture.window()).expect("pixels");
         assert_eq!(whole, picture.read().expect("pixels"));
-    }
-
-    #[test]
-    fn foreign_primaries_are_told() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("x.exr");
-        let note = |chromaticities: Option<[[f32; 2]; 4]>| {
-            let mut image =
-                Image::from_channels((1, 1), SpecificChannels::rgb(|_| (0.0, 0.0, 0.0)));
-            image.attributes.chromaticities = chromaticities.map(|c| {
-                let [red, green, blue, white] = c.map(|[x, y]| Vec2(x, y));
-                exr::meta::attribute::Chromaticities { red, green, blue, white }
-            });
-            image.write().to_file(&path).expect("a file");
-            Picture::open(&path, None).expect("a picture").primaries_note()
-        };
-        assert_eq!(note(None), None);
-        assert_eq!(note(Some(PRIMARIES[0].1)), None);
-        for (name, primaries) in &PRIMARIES[1..] {
-            let note = note(Some(*primaries)).expect("a note");
-            assert!(note.contains(name) && note.contains("x.exr"), "{note}");
-        }
-        let mut odd = PRIMARIES[0].1;
-        odd[1][0] = 0.25;
-        assert!(note(Some(odd)).expect("a note").contains("others"));
     }
 
     #[test]
