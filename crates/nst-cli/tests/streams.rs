@@ -33,7 +33,7 @@ fn jobs() -> Vec<(String, &'static [&'static str])> {
     vec![
         (format!("{RENDER} -o new.exr --sequence new_s.exr"), &["new.exr", "new.png", "new_s.exr"]),
         (format!("{RENDER} --runs 2 -o new.safetensors"), &["new.safetensors"]),
-        ("transform s1.exr -o new.exr".to_owned(), &["new.exr"]),
+        ("transform s1.exr -o new.exr".to_owned(), &["new.exr", "new.png"]),
         ("pack r1.exr r2.exr --as samples --spp 4 -o new.exr".to_owned(), &["new.exr"]),
         ("pack s1.exr s2.exr --as runs -o new.safetensors".to_owned(), &["new.safetensors"]),
         ("merge s1.exr s2.exr -o new.exr".to_owned(), &["new.exr"]),
