@@ -185,6 +185,13 @@ fn any_obj_renders_without_sidecar_material_or_light() {
     bench.write("pyramid.toml", "[environment]\nlight = 'white'\n");
     assert_eq!(corner_and_middle("")[0], 1.0);
     assert_eq!(corner_and_middle("--light none"), [0.0; 2]);
+    // What is in no picture is told.
+    let said = bench.succeed("render --scene pyramid.obj --spp 1 --size 8x8 --light none");
+    assert!(said.contains("the picture is black"), "{said}");
+    bench.write("pyramid.toml", "");
+    let away = "--camera-position 0,0,9 --camera-target 0,0,19";
+    let said = bench.succeed(&format!("render --scene pyramid.obj --spp 1 --size 8x8 {away}"));
+    assert!(said.contains("background alone"), "{said}");
     let says = |option: &str, word: &str| {
         let output = bench.nst(&format!("render --scene pyramid.obj {option}"));
         let error = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -193,6 +200,7 @@ fn any_obj_renders_without_sidecar_material_or_light() {
     says("--camera-position 1,2", "three numbers");
     says("--camera-fov 190", "camera's vertical_fov must lie between");
     says("--camera-position 1,2,3 --camera-target 1,2,3", "camera's target must differ");
+    says("--camera-position 0,0.75,0", "camera's target must differ");
     bench.write("pyramid.toml", "\n[environment]\nlight = 'bright'\n");
     says(
         "",

@@ -87,10 +87,10 @@ impl Scene {
             }
         }
         let camera = view.camera(&triangles, &placement, aspect).map_err(|(part, message)| {
-            if options.view.has(part) {
-                Error::Settings(format!("the camera's {part} {message}"))
-            } else {
+            if sidecar.view.has(part) && !options.view.has(part) {
                 sidecar.camera_error(&sidecar_path, part, message)
+            } else {
+                Error::Settings(format!("the camera's {part} {message}"))
             }
         })?;
         let brightest = studio::brightest(&triangles, &materials);

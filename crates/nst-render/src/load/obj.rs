@@ -16,7 +16,7 @@ use super::{
     image::Images,
     mtl,
     report::Report,
-    text::{self, Text, error_at, quoted, without_comment},
+    text::{self, COMMENT, Text, error_at, quoted, without_comment},
     units::Placement,
 };
 use crate::{Error, Material, Triangle};
@@ -24,7 +24,7 @@ use crate::{Error, Material, Triangle};
 use self::{
     colors::{Colors, GREY},
     faces::Triangles,
-    libraries::{COMMENT, Names, libraries, plain},
+    libraries::{Names, libraries, plain},
     reader::Contents,
 };
 
@@ -81,7 +81,10 @@ fn read(path: &Path, report: &mut Report) -> Result<Contents, Error> {
         let message = format!("vertex {} {}, and there are no faces", bad.index + 1, bad.fault);
         return Err(error_at(path, bad.line, message));
     }
-    Err(Error::scene(path, foreign::without_faces(path, &text, contents.positions.len())))
+    Err(Error::scene(
+        path,
+        foreign::without_faces(path, &text, contents.positions.len(), contents.other_elements()),
+    ))
 }
 
 /// The scene's material for each name (with its line), that behind the last for those that

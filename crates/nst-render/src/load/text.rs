@@ -76,6 +76,9 @@ impl Line<'_> {
     }
 }
 
+/// The kind of fault of names with comments behind them.
+pub(super) const COMMENT: &str = "comments behind names, left out";
+
 /// A name without the comment behind it: `a b` of `a b # c`. As a name may itself contain
 /// ` #`, the whole name is to be tried first, where there is something to compare it with.
 pub(super) fn without_comment(name: &str) -> &str {

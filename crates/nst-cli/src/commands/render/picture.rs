@@ -202,6 +202,16 @@ impl Job<'_> {
             1 => notes.push("1 sample was not finite and counts as black".into()),
             count => notes.push(format!("{count} samples were not finite and count as black")),
         }
+        let background = self.scene.environment.background.map(|rgb| rgb.to_array());
+        let lanes = rendering.batch.last();
+        let shows = |rgb: [f32; 3]| {
+            lanes.chunks(lanes.len() / 3).zip(rgb).all(|(lanes, x)| lanes.iter().all(|&y| y == x))
+        };
+        if shows([0.0; 3]) {
+            notes.push("the picture is black: no light reaches what the camera sees".into());
+        } else if background.is_some_and(shows) {
+            notes.push("the picture shows the background alone: nothing is where it looks".into());
+        }
         notes
     }
 

@@ -9,10 +9,10 @@ use super::{
 use crate::{
     Error, TextureMap,
     load::{
-        files::find,
+        files::{find, is_found},
         maps::{Channel, Meaning, Values},
         report::Report,
-        text::{Line, quoted},
+        text::{COMMENT, Line, quoted, without_comment},
     },
 };
 
@@ -37,7 +37,13 @@ impl Map {
     ) -> Result<Option<Self>, Error> {
         let keyword = line.keyword();
         let material = quoted(material);
-        let (options, name) = options::parse(mtl, line.name());
+        let (mut options, mut name) = options::parse(mtl, line.name());
+        let plain = without_comment(line.name());
+        // A name may contain ` #`: it is a comment if there is no file of the whole name.
+        if plain.len() < line.name().len() && !plain.is_empty() && !is_found(mtl, name, false) {
+            report.forgive(COMMENT, mtl, line.number, || quoted(line.name()))?;
+            (options, name) = options::parse(mtl, plain);
+        }
         for fault in &options.faults {
             let kind = "options of textures that make no sense, left out";
             let fault = || format!("material {material}: {keyword}: {fault}");

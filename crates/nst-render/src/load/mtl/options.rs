@@ -108,9 +108,14 @@ impl Options {
             }
             self.apply_numbers(&key, &numbers);
         } else {
-            let word;
-            (word, rest) = split(rest);
-            self.apply_word(&key, word);
+            let (word, behind) = split(rest);
+            // Without its word, the option stands before the name of the file.
+            if behind.is_empty() && is_found(mtl, rest, false) {
+                self.faults.push(format!("{option} without a word"));
+            } else {
+                self.apply_word(&key, word);
+                rest = behind;
+            }
         }
         Some(rest)
     }

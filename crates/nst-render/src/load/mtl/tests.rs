@@ -234,6 +234,8 @@ fn faults_are_forgiven() {
         ("Kd .25 .5", color(0.25, 0.5, 0.5)),
         ("Kd", plain.clone()),
         ("Kd red", plain.clone()),
+        ("Kd 1 0 0\nKd red", color(1.0, 0.0, 0.0)),
+        ("Kd 1 0 0\nKd spectral x.rfl 1", color(1.0, 0.0, 0.0)),
         ("Kd nan .5 .5", plain.clone()),
         ("Kd spectral x.rfl 1", plain.clone()),
         ("Kd xyz .1 .2 .3", plain.clone()),
@@ -299,4 +301,21 @@ fn errors_name_line_material_and_key() {
     }
     assert!(error("Kd 1 1 1").contains("line 1: 'Kd' before"));
     assert!(error("newmtl").contains("line 1: newmtl without"));
+}
+
+/// Comments and missing words do not lose the file.
+#[test]
+fn images_are_found_behind_faults() {
+    for statement in [
+        "map_Kd a b.png # diffuse",
+        "map_Kd -s 2 2 1 a b.png # twice",
+        "map_Kd mask.png #1",
+        "map_Kd -clamp mask.png",
+        "map_Kd -colorspace mask.png",
+    ] {
+        let (material, notes) = with_notes(statement);
+        assert!(material.color_texture.is_some(), "{statement}: {notes:?}");
+        assert!(notes.len() == 1, "{statement}: {notes:?}");
+        assert!(!material.color_texture.is_some_and(|map| map.clamp), "{statement}");
+    }
 }

@@ -7,7 +7,7 @@ const CONVERT: &str = "convert it to OBJ first, for example with Blender (import
 const MITSUBA: &str = "name its OBJ meshes, or convert it to OBJ first";
 
 /// What formats begin with that are no text, or whose text cannot be an OBJ file's.
-const BEGINNINGS: [(&[u8], &str, &str); 19] = [
+const BEGINNINGS: [(&[u8], &str, &str); 22] = [
     (b"glTF", "a GLB model", CONVERT),
     (b"Kaydara FBX Binary", "an FBX model", CONVERT),
     (b"; FBX", "an FBX model", CONVERT),
@@ -27,6 +27,9 @@ const BEGINNINGS: [(&[u8], &str, &str); 19] = [
         "a zstd archive (Blender saves these)",
         "open it in Blender, and export Wavefront OBJ",
     ),
+    (b"version https://git-lfs", "a pointer of Git LFS", "fetch the file itself: git lfs pull"),
+    (b"<!DOCTYPE html", "a page of the web", "download the file itself"),
+    (b"<html", "a page of the web", "download the file itself"),
     (b"\x89PNG", "a PNG image", IMAGE),
     (b"\xff\xd8\xff", "a JPEG image", IMAGE),
     (b"\x76\x2f\x31\x01", "an OpenEXR image", IMAGE),
@@ -89,13 +92,22 @@ pub(super) fn refused(path: &Path, bytes: &[u8]) -> Option<String> {
 }
 
 /// Of a text without faces: what it is, and what to do.
-pub(super) fn without_faces(path: &Path, text: &str, vertices: usize) -> String {
+/// `others`: how many points, lines, curves and surfaces it has.
+pub(super) fn without_faces(path: &Path, text: &str, vertices: usize, others: usize) -> String {
     const NONE: &str = "it has no faces; there is nothing to render";
     let contains = |words: &&(&[&str], &str, &str)| words.0.iter().all(|word| text.contains(word));
     let by_contents = || CONTENTS.iter().find(contains).map(|&(_, what, advice)| (what, advice));
-    let known = if vertices > 0 { None } else { by_contents().or_else(|| by_extension(path)) };
+    let known = if vertices > 0 || others > 0 {
+        None
+    } else {
+        by_contents().or_else(|| by_extension(path))
+    };
     match known {
         Some((what, advice)) => format!("{NONE}: this is {what}; {advice}"),
+        None if others > 0 => format!(
+            "{NONE}: it has points, lines, curves or surfaces alone; make faces of them first, \
+             for example with Blender"
+        ),
         None if vertices > 0 => format!(
             "{NONE}: it has {vertices} vertices, as a point cloud; make a surface of them first, \
              for example with MeshLab"
@@ -125,13 +137,15 @@ mod tests {
     fn formats_are_told_apart() {
         let mut stl = vec![b' '; 84 + 100];
         stl[80..84].copy_from_slice(&[2, 0, 0, 0]);
-        let cases: [(&str, &[u8], &str); 6] = [
+        let cases: [(&str, &[u8], &str); 8] = [
             ("x.obj", &stl, "an STL model"),
             ("x.glb", b"glTF\x02\0\0\0", "a GLB model"),
             ("x.obj", b"ply\nformat ascii 1.0\n", "a PLY model"),
             ("x.blend", b"BLENDER-v300", "a Blender file"),
             ("x.3ds", b"MM\x05\x01\x01\0\0\x01", "a 3DS model"),
             ("x.obj", b"\x89PNG\r\n\x1a\n", "a PNG image"),
+            ("x.obj", b"version https://git-lfs.github.com/spec/v1\n", "a pointer of Git LFS"),
+            ("x.obj", b"<!DOCTYPE html>\n<html>", "a page of the web"),
         ];
         for (name, bytes, what) in cases {
             let message = refused(Path::new(name), bytes).unwrap_or_default();
@@ -157,8 +171,10 @@ mod tests {
             ("x.obj", "v 1 2 3\nv 1 2 4\n", 2, "2 vertices, as a point cloud"),
             ("x.obj", "# nothing\n", 0, "nothing to render"),
         ];
+        let lines = without_faces(Path::new("x.obj"), "v 1 2 3\nv 2 3 4\nl 1 2\n", 2, 1);
+        assert!(lines.contains("lines, curves") && !lines.contains("point cloud"), "{lines}");
         for (name, text, vertices, what) in texts {
-            let message = without_faces(Path::new(name), text, vertices);
+            let message = without_faces(Path::new(name), text, vertices, 0);
             assert!(
                 message.starts_with("it has no faces") && message.contains(what),
                 "{name}: {message}"

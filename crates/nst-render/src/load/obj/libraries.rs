@@ -9,16 +9,13 @@ use std::{
 use super::super::{
     files::{find, is_found},
     report::Report,
-    text::{quoted, without_comment, without_quotes},
+    text::{COMMENT, quoted, without_comment, without_quotes},
 };
 use crate::{Error, Material};
 
 /// Words of a statement that are put together to names with spaces; longer lists have
 /// names without spaces alone, as trying all takes the square of their number.
 const MOST_WORDS: usize = 32;
-
-/// The kind of fault of names with a comment.
-pub(super) const COMMENT: &str = "comments behind names, left out";
 
 /// The MTL files that `mtllib` statements (line and name) mean, each once, in the order of
 /// the file.

@@ -103,6 +103,11 @@ impl Contents {
         Ok(reader.contents)
     }
 
+    /// How many points, lines, curves and surfaces the file has.
+    pub(super) fn other_elements(&self) -> usize {
+        self.losses.other_elements
+    }
+
     /// A note of each kind of loss that there is.
     pub(super) fn note_losses(&self, report: &mut Report) {
         let losses = &self.losses;
