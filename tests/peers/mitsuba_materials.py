@@ -136,8 +136,9 @@ def bsdfs() -> dict[str, dict[str, Any]]:
     }
 
 
-def mitsuba_scene(folder: Path) -> mi.Scene:
-    scene: dict[str, Any] = {
+def view() -> dict[str, Any]:
+    """A scene without shapes."""
+    return {
         "type": "scene",
         "integrator": {"type": "path", "max_depth": DEPTH, "rr_depth": 100},
         "sensor": {
@@ -156,6 +157,10 @@ def mitsuba_scene(folder: Path) -> mi.Scene:
             "sampler": {"type": "independent"},
         },
     }
+
+
+def mitsuba_scene(folder: Path) -> mi.Scene:
+    scene = view()
     for name, bsdf in bsdfs().items():
         file = folder / f"{name}.obj"
         file.write_text(obj([name]))
@@ -174,22 +179,26 @@ def mitsuba_scene(folder: Path) -> mi.Scene:
     return mi.load_dict(scene)
 
 
-def main() -> None:
-    # Two sides of reflection need no LLVM, and the picture is small.
-    mi.set_variant("scalar_rgb")
+def write_reference(name: str, scene: mi.Scene) -> None:
     from mitsuba_reference import mean_and_variance, write_exr
 
-    write_scene()
-    with tempfile.TemporaryDirectory() as folder:
-        scene = mitsuba_scene(Path(folder))
-        mean, variance = mean_and_variance(scene, range(1, RENDERS + 1), SPP)
+    mean, variance = mean_and_variance(scene, range(1, RENDERS + 1), SPP)
     attributes = {
         "mitsuba.version": mi.__version__,
         "mitsuba.seeds": f"1 to {RENDERS}",
         "samplesPerPixel": RENDERS * SPP,
     }
-    write_exr(ROOT / "reference" / "materials-32.exr", mean, variance, attributes)
+    write_exr(ROOT / "reference" / f"{name}-32.exr", mean, variance, attributes)
     print(f"mean RGB {mean.mean(axis=(0, 1))}")
+
+
+def main() -> None:
+    # Two sides of reflection need no LLVM, and the picture is small.
+    mi.set_variant("scalar_rgb")
+    write_scene()
+    with tempfile.TemporaryDirectory() as folder:
+        scene = mitsuba_scene(Path(folder))
+        write_reference("materials", scene)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,10 @@
-//! Cut-outs, normal and bump maps, options of textures and thin glass against Mitsuba 3.
-//! `tests/peers/mitsuba_materials.py` wrote the scene and its reference.
+//! Cut-outs, normal and bump maps, options of textures, thin glass and colours of vertices
+//! against Mitsuba 3. `tests/peers/mitsuba_materials.py` and `mitsuba_vertex_colors.py` wrote
+//! the scenes and their references.
 
 use std::path::{Path, PathBuf};
 
+use glam::Vec3A;
 use nst_core::{Keep, Side};
 use nst_files::picture::Picture;
 use nst_render::{Relief, RenderSettings, SamplerKind, Scattering, Scene, render};
@@ -19,8 +21,8 @@ struct Image {
 }
 
 impl Image {
-    fn reference() -> Self {
-        let path = data("reference/materials-32.exr");
+    fn reference(name: &str) -> Self {
+        let path = data(&format!("reference/{name}-32.exr"));
         let layer = |name| {
             let picture = Picture::open(&path, name).expect("a layer");
             assert_eq!(picture.size, [32, 32]);
@@ -73,10 +75,38 @@ const WRONG: [Wrong; 7] = [
     }),
 ];
 
-#[test]
-fn materials() {
-    let scene = Scene::load(&data("scenes/materials/materials.obj")).expect("a good scene");
-    let reference = Image::reference();
+/// Applies `change` to the colours at the corners of a material's triangles.
+fn recolor(scene: &mut Scene, name: &str, change: impl Fn([[f32; 3]; 3]) -> [[f32; 3]; 3]) {
+    let number = scene.materials.iter().position(|material| material.name == name).expect(name);
+    for (triangle, colors) in scene.triangles.iter().zip(&mut scene.vertex_colors) {
+        if triangle.material as usize == number {
+            *colors = change(*colors);
+        }
+    }
+}
+
+/// sRGB of linear light: the colour as the file states it.
+fn encoded(linear: f32) -> f32 {
+    if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+const WRONG_COLORS: [Wrong; 6] = [
+    ("not decoded", |s| {
+        for name in ["white", "half", "disney"] {
+            recolor(s, name, |colors| colors.map(|rgb| rgb.map(encoded)));
+        }
+    }),
+    ("no colours", |s| s.vertex_colors.clear()),
+    ("one colour in a triangle", |s| recolor(s, "white", |[first, ..]| [first; 3])),
+    ("corners in another order", |s| recolor(s, "half", |[a, b, c]| [b, c, a])),
+    ("colours instead of Kd", |s| material(s, "half").color = Vec3A::ONE),
+    ("no colours on Disney's", |s| recolor(s, "disney", |_| [[1.0; 3]; 3])),
+];
+
+/// Compares a scene with its reference, and asserts that each of the wrong ones differs.
+fn check(name: &str, wrong: &[Wrong]) {
+    let scene = Scene::load(&data(&format!("scenes/{name}/{name}.obj"))).expect("a good scene");
+    let reference = Image::reference(name);
     let ours = Image::render(&scene, 1);
     let comparison = ours.compare(&reference);
     eprintln!("{comparison:?}");
@@ -85,9 +115,19 @@ fn materials() {
     // Only where Mitsuba's pictures agree to the last bit are there no variances to compare.
     assert!(tested >= 0.9, "only {tested} of the lanes were compared");
     assert!(sums_z(ours.estimate(), reference.estimate()) < 4.0);
-    for (what, wrong) in WRONG {
+    for (what, wrong) in wrong {
         let mut scene = scene.clone();
         wrong(&mut scene);
         assert!(!Image::render(&scene, 2).compare(&reference).same(), "{what}");
     }
+}
+
+#[test]
+fn materials() {
+    check("materials", &WRONG);
+}
+
+#[test]
+fn vertex_colors() {
+    check("vertex-colors", &WRONG_COLORS);
 }
