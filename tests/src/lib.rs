@@ -4,12 +4,26 @@
 
 pub mod image_test;
 
+use std::process::ExitCode;
+
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
 use nst_core::{
     Layer, Metadata, Network,
     gpu::{AdapterKind, Gpu},
 };
 use nst_render::{SampleStream, Sampler, SamplerKind};
+
+/// The exit code of a program, whose error, if any, is printed.
+#[must_use]
+pub fn exit_code(result: Result<(), Box<dyn std::error::Error>>) -> ExitCode {
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
 
 /// How far f32 may be from the oracle, as [`worst_error`] measures it: rounding of sums of up
 /// to 256 terms in up to five layers stays well below it.

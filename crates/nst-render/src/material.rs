@@ -104,12 +104,15 @@ impl Default for Disney {
     }
 }
 
+/// Reflectance of a surface of which nobody says it: as light as white paint.
+pub(crate) const GREY: f32 = 0.8;
+
 /// A surface without a name that reflects 80 % of the light in all directions, and emits none.
 impl Default for Material {
     fn default() -> Self {
         Self {
             name: String::new(),
-            color: Vec3A::splat(0.8),
+            color: Vec3A::splat(GREY),
             color_texture: None,
             emission: Vec3A::ZERO,
             emission_texture: None,

@@ -70,7 +70,7 @@ impl Scene {
     pub fn load_with(path: &Path, options: &LoadOptions) -> Result<Self, Error> {
         let mut report = Report::new(options.strict);
         let mut images = Images::default();
-        let Loaded { mut triangles, mut vertex_colors, mut materials, placement } =
+        let Loaded { mut triangles, vertex_colors, mut materials, placement } =
             obj::load(path, &mut images, &mut report)?;
         placement.scale_bumps(&mut materials);
         let sidecar_path = path.with_extension("toml");
@@ -108,10 +108,6 @@ impl Scene {
                 Stage { triangles, materials, camera: &camera, aspect }.light(chosen)
             }
         };
-        if !vertex_colors.is_empty() {
-            // Of the studio's lamps.
-            vertex_colors.resize(triangles.len(), [[1.0; 3]; 3]);
-        }
         Ok(Self {
             name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
             triangles,

@@ -19,10 +19,10 @@ use super::{
     text::{self, COMMENT, Text, error_at, quoted, without_comment},
     units::Placement,
 };
-use crate::{Error, Material, Triangle};
+use crate::{Error, Material, Triangle, material::GREY};
 
 use self::{
-    colors::{Colors, GREY},
+    colors::Colors,
     faces::Triangles,
     libraries::{Names, libraries, plain},
     reader::Contents,

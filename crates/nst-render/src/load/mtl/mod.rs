@@ -17,16 +17,13 @@ use super::{
     report::Report,
     text::{self, quoted},
 };
-use crate::{Disney, Error, Material, Relief, Scattering, TextureMap};
+use crate::{Disney, Error, Material, Relief, Scattering, TextureMap, material::GREY};
 
 use self::{
     context::{Context, OUT_OF_RANGE},
     map::Map,
     statements::Statements,
 };
-
-/// Reflectance of a material that says nothing about it.
-const DEFAULT_COLOR: f32 = 0.8;
 
 /// Reads the materials of an MTL file.
 ///
@@ -73,7 +70,7 @@ impl Statements {
             self.tinted(self.ke, self.map_ke.as_ref(), Meaning::Radiance, context)?;
         let mut material = Material {
             name: self.name.clone(),
-            color: color.unwrap_or(Vec3A::splat(DEFAULT_COLOR)),
+            color: color.unwrap_or(Vec3A::splat(GREY)),
             color_texture,
             emission: emission.unwrap_or(Vec3A::ZERO),
             emission_texture,

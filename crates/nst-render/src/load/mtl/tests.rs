@@ -51,7 +51,7 @@ fn colours_and_emission() {
     let m = material("kd .1 .2 .3\nKe 4\nKa 9 9 9\nmap_Bump gone.png");
     assert_eq!(m.color, Vec3A::new(0.1, 0.2, 0.3));
     assert_eq!((m.emission, m.scattering), (Vec3A::splat(4.0), Scattering::Lambert));
-    assert_eq!(material("").color, Vec3A::splat(DEFAULT_COLOR));
+    assert_eq!(material("").color, Vec3A::splat(GREY));
 }
 
 #[test]
@@ -65,7 +65,7 @@ fn textures_are_multiplied_by_what_is_not_black() {
     assert_eq!(material("map_Kd a b.png\nKd .5").color, Vec3A::splat(0.5));
     let m = material("map_Ke a b.png");
     assert!(m.emits() && m.emission_texture.is_some());
-    assert_eq!(m.color, Vec3A::splat(DEFAULT_COLOR));
+    assert_eq!(m.color, Vec3A::splat(GREY));
 }
 
 #[test]

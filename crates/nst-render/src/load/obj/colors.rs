@@ -4,6 +4,7 @@ use super::{
     super::{exact::srgb_to_linear, report::Report},
     reader::Contents,
 };
+use crate::material::GREY;
 
 /// From here on, values are not those of colours a little too bright, but of 0 to 255.
 const BYTES: f32 = 2.0;
@@ -11,9 +12,6 @@ const BYTES: f32 = 2.0;
 const MOST: f32 = 255.0;
 /// Values below are no darkness of colours that was rounded: half a step of 0 to 255.
 const LEAST: f32 = -0.5 / MOST;
-
-/// What a face without material and without colours shows.
-pub(super) const GREY: f32 = 0.8;
 
 /// Linear RGB by vertex, NaN where there is none; of the first vertices alone.
 #[derive(Default)]
