@@ -7,6 +7,7 @@ use thiserror::Error;
 /// Why a command failed, in words for the user.
 #[derive(Debug, Error)]
 pub(crate) enum Error {
+    #[cfg(feature = "render")]
     #[error(transparent)]
     Render(#[from] nst_render::Error),
     #[error(transparent)]

@@ -1,34 +1,17 @@
 //! A network that runs on the GPU, and on the CPU once the GPU has failed.
 
 use std::{
-    any::Any,
     mem,
-    panic::{AssertUnwindSafe, catch_unwind},
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{Mutex, PoisonError},
     thread::{self, JoinHandle},
 };
 
 use nst_core::{Error, Estimates, Fitted, MlpCpu, Requirements, SequenceBatch, Strips, Transform};
 
-use crate::report::complain;
-
-/// The name of the GPU that a transformation runs on; `None` while it is on the CPU.
-#[derive(Clone, Default)]
-pub(crate) struct Adapter(Arc<Mutex<Option<String>>>);
-
-impl Adapter {
-    pub(crate) fn new(name: String) -> Self {
-        Self(Arc::new(Mutex::new(Some(name))))
-    }
-
-    pub(crate) fn name(&self) -> Option<String> {
-        self.lock().clone()
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Option<String>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
+use crate::{
+    adapter::{Adapter, caught, message_of},
+    report::complain,
+};
 
 /// Evaluates on a GPU, if there is one, until it fails; then on the CPU, with one warning
 /// on stderr. The CPU computes the whole strip again on which the GPU failed.
@@ -62,7 +45,7 @@ impl<G: Fitted + 'static> Fallback<G> {
         let opened = thread.join().unwrap_or_else(|panic| Err(Error::Gpu(message_of(&*panic))));
         match opened {
             Ok((name, gpu)) => {
-                *adapter.lock() = Some(name);
+                adapter.set(Some(name));
                 return Stage::Open(gpu);
             }
             // A machine without a GPU needs no warning.
@@ -93,23 +76,10 @@ impl<G: Fitted + 'static> Fitted for Fallback<G> {
                 Err(error) => warn(&error),
             }
             *stage = Stage::Failed;
-            *self.adapter.lock() = None;
+            self.adapter.set(None);
         }
         self.cpu.apply(strip, out)
     }
-}
-
-/// Does `work` on a GPU; a panic of the driver becomes an error.
-pub(crate) fn caught<T>(work: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
-    // Nothing reads what `work` has left half done.
-    catch_unwind(AssertUnwindSafe(work))
-        .unwrap_or_else(|panic| Err(Error::Gpu(message_of(&*panic))))
-}
-
-/// What a panic said.
-fn message_of(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<String>().map(String::as_str);
-    text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("a panic").to_owned()
 }
 
 impl<G> Drop for Fallback<G> {
@@ -132,7 +102,10 @@ fn warn(error: &Error) {
 #[cfg(test)]
 mod tests {
     use std::{
-        sync::atomic::{AtomicU32, Ordering},
+        sync::{
+            Arc,
+            atomic::{AtomicU32, Ordering},
+        },
         time::Duration,
     };
 

@@ -1,13 +1,23 @@
 //! `nst`: renders scenes, and transforms sequences of Monte Carlo estimates.
 
+#![cfg_attr(
+    not(all(feature = "gpu", feature = "render")),
+    allow(dead_code, reason = "some parts are only used by those that are left out")
+)]
+
+mod adapter;
 mod args;
 mod commands;
 mod error;
+#[cfg(feature = "gpu")]
 mod fallback;
 mod interrupt;
 mod method;
+mod progress;
 mod report;
 mod summary;
+mod system;
+mod words;
 
 use std::process::ExitCode;
 

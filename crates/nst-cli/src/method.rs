@@ -2,17 +2,17 @@
 
 use std::sync::Arc;
 
-use nst_core::{
-    Identity, MlpCpu, Network, Transform,
-    gpu::{AdapterKind, Gpu, MlpGpu},
-    methods::method,
-};
+#[cfg(feature = "gpu")]
+use nst_core::gpu::{AdapterKind, Gpu, MlpGpu};
+use nst_core::{Identity, MlpCpu, Network, Transform, methods::method};
 
 use crate::{
+    adapter::Adapter,
     args::{BackendArg, MethodArgs, TransformArg},
     error::Error,
-    fallback::{Adapter, Fallback, caught},
 };
+#[cfg(feature = "gpu")]
+use crate::{adapter::caught, fallback::Fallback};
 
 /// The last terms that a rendering keeps if the method reads no more: the window of the
 /// built-in networks.
@@ -32,6 +32,9 @@ pub(crate) struct Origin<'a> {
     /// apart.
     pub(crate) counts: &'a [u32],
 }
+
+/// The reason if there is no network for the scene.
+const NOT_TRAINED: &str = "no network was trained on this very scene";
 
 /// The sampler of networks whose files name none: the first ones were all trained on
 /// `random`.
@@ -79,7 +82,8 @@ impl Method {
             TransformArg::Auto => match choose(Network::builtins_trained_on(origin.scene)?, origin)
             {
                 Ok((name, network)) => {
-                    let reason = format!("trained on this scene; {}", network.shape());
+                    let widths = network.shape().replace('-', ", ");
+                    let reason = format!("trained on this scene; its layers are {widths} wide");
                     Self::network(name, reason, network, backend)
                 }
                 Err(reason) => Ok(Self::none(reason)),
@@ -109,6 +113,15 @@ impl Method {
         if self.adapter().is_some() { "gpu" } else { "cpu" }
     }
 
+    /// Adds what would make `auto` choose a network: options, and the network's name.
+    pub(crate) fn advise(&mut self, advice: impl FnOnce() -> Option<(String, &'static str)>) {
+        if self.reason == NOT_TRAINED
+            && let Some((options, network)) = advice()
+        {
+            self.reason += &format!("; with {options}, network '{network}' was");
+        }
+    }
+
     fn none(reason: impl Into<String>) -> Self {
         Self::on_cpu("none", reason, Box::new(Identity))
     }
@@ -130,26 +143,48 @@ impl Method {
     ) -> Result<Self, Error> {
         let network = Arc::new(network);
         let cpu = MlpCpu::new(Arc::clone(&network));
-        let on_gpu = move |kind| {
-            let gpu = Gpu::open(kind)?;
-            let name = gpu.name().to_owned();
-            MlpGpu::new(gpu, network).map(|mlp| (name, mlp))
-        };
-        let mut adapter = Adapter::default();
+        let adapter = Adapter::default();
         let transform: Box<dyn Transform> = match backend {
             BackendArg::Cpu => Box::new(cpu),
-            BackendArg::Gpu => {
-                let (name, mlp) = caught(|| on_gpu(AdapterKind::Any)).map_err(Error::Gpu)?;
-                adapter = Adapter::new(name);
-                Box::new(mlp)
-            }
-            BackendArg::Auto => {
-                let open = || on_gpu(AdapterKind::Hardware);
-                Box::new(Fallback::new(open, cpu, adapter.clone()))
-            }
+            BackendArg::Gpu => on_gpu(network, &adapter)?,
+            BackendArg::Auto => on_any(network, cpu, &adapter),
         };
         Ok(Self { name: name.into(), reason: reason.into(), adapter, transform })
     }
+}
+
+/// Opens a GPU, and a network on it.
+#[cfg(feature = "gpu")]
+fn open(kind: AdapterKind, network: Arc<Network>) -> Result<(String, MlpGpu), nst_core::Error> {
+    let gpu = Gpu::open(kind)?;
+    let name = gpu.name().to_owned();
+    MlpGpu::new(gpu, network).map(|mlp| (name, mlp))
+}
+
+/// A network on a GPU, or an error.
+#[cfg(feature = "gpu")]
+fn on_gpu(network: Arc<Network>, adapter: &Adapter) -> Result<Box<dyn Transform>, Error> {
+    let (name, mlp) = caught(|| open(AdapterKind::Any, network)).map_err(Error::Gpu)?;
+    adapter.set(Some(name));
+    Ok(Box::new(mlp))
+}
+
+/// A network on a GPU if there is one, else on the CPU.
+#[cfg(feature = "gpu")]
+fn on_any(network: Arc<Network>, cpu: MlpCpu, adapter: &Adapter) -> Box<dyn Transform> {
+    let open = move || open(AdapterKind::Hardware, network);
+    Box::new(Fallback::new(open, cpu, adapter.clone()))
+}
+
+#[cfg(not(feature = "gpu"))]
+fn on_gpu(_: Arc<Network>, _: &Adapter) -> Result<Box<dyn Transform>, Error> {
+    let message = "--backend gpu: this nst was built without the feature 'gpu'";
+    Err(Error::Usage(message.into()))
+}
+
+#[cfg(not(feature = "gpu"))]
+fn on_any(_: Arc<Network>, cpu: MlpCpu, _: &Adapter) -> Box<dyn Transform> {
+    Box::new(cpu)
 }
 
 fn builtin(name: &str) -> Result<Network, Error> {
@@ -163,16 +198,18 @@ fn choose(
     networks: Vec<(&'static str, Network)>,
     Origin { sampler, counts, .. }: Origin<'_>,
 ) -> Result<(&'static str, Network), String> {
-    let mut reason = "no network was trained on this very scene".to_owned();
+    let mut reason = NOT_TRAINED.to_owned();
     for (name, network) in networks {
         let metadata = network.metadata();
         let (first, last) = metadata.samples;
         let window = &counts[counts.len().saturating_sub(metadata.window)..];
         let used = metadata.sampler.as_deref().unwrap_or(FIRST_SAMPLER);
         reason = if used != sampler {
-            format!("network '{name}' was trained on samples of another sampler, '{used}'")
+            format!("network '{name}' was trained on this scene with --sampler {used}")
         } else if !counts.last().is_some_and(|spp| (first..=last).contains(spp)) {
-            format!("network '{name}' was trained on {first} to {last} spp of this scene")
+            format!(
+                "network '{name}' was trained on {first} to {last} samples per pixel of this scene"
+            )
         } else if window.windows(2).any(|pair| pair[1] - pair[0] > 1) {
             // As in merged sequences: their terms vary more than those of its training.
             format!("network '{name}' was trained on terms that are one sample apart")
@@ -232,8 +269,8 @@ mod tests {
         assert_eq!(chosen("box:1", "halton", &[8, 9])?, Ok("halton"));
         for (scene, sampler, counts, why) in [
             ("box:2", "random", &[9][..], "this very scene"),
-            ("box:1", "", &[9], "another sampler, 'halton'"),
-            ("box:1", "halton", &[10], "'halton' was trained on 2 to 9 spp"),
+            ("box:1", "", &[9], "with --sampler halton"),
+            ("box:1", "halton", &[10], "'halton' was trained on 2 to 9 samples"),
             ("box:1", "halton", &[7, 9], "one sample apart"),
         ] {
             let reason = chosen(scene, sampler, counts)?.expect_err(why);

@@ -7,7 +7,7 @@ use std::{
 
 use serde::Serialize;
 
-use crate::{args::CommonArgs, error::Error};
+use crate::{args::CommonArgs, error::Error, progress::above, words::wrapped};
 
 /// What a command did or found, as JSON for programs and as text for people.
 pub(crate) trait Report {
@@ -62,8 +62,13 @@ pub(crate) fn say(text: &str, common: &CommonArgs) {
 /// Writes lines to standard output. A reader that closes the pipe early, as `head` does,
 /// does not end the job; a full disk is an error.
 fn write(text: &str) -> Result<(), Error> {
-    let mut out = std::io::stdout().lock();
-    let written = writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush());
+    // In a pipe, a line stays a line.
+    let columns = console::Term::stdout().size_checked().map(|(_, columns)| columns.into());
+    let text = columns.map_or_else(|| text.to_owned(), |columns| wrapped(text, columns));
+    let written = above(|| {
+        let mut out = std::io::stdout().lock();
+        writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush())
+    });
     match written {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::Stdout(error)),
         _ => Ok(()),
@@ -73,5 +78,5 @@ fn write(text: &str) -> Result<(), Error> {
 /// Writes a line to standard error, if that is possible.
 pub(crate) fn complain(line: &str) {
     // If it is closed, there is no other place to report that.
-    let _ = writeln!(std::io::stderr(), "{line}");
+    let _ = above(|| writeln!(std::io::stderr(), "{line}"));
 }

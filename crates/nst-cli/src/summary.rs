@@ -130,16 +130,24 @@ pub(crate) fn timed<T>(total: &mut Duration, work: impl FnOnce() -> T) -> T {
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let (Some(seconds), Some(rate)) = (self.render_seconds, self.paths_per_second) {
-            writeln!(f, "render     {seconds:.2} s, {:.2} M paths/s", rate / 1e6)?;
+            writeln!(f, "render     {seconds:.2} s, {:.2} million paths per second", rate / 1e6)?;
         }
         writeln!(f, "transform  {} ({})", self.transform, self.reason)?;
         if self.transform != "none" {
-            let on = self.adapter.as_deref().unwrap_or("CPU");
+            let on = self.adapter.as_deref().unwrap_or("the CPU");
+            let Self { transform_seconds, lanes, .. } = self;
             writeln!(
                 f,
-                "           {:.3} s on {on}: {} lanes, {} constant, {} fallen back to S",
-                self.transform_seconds, self.lanes, self.lanes_skipped, self.lanes_fallen_back
+                "           {transform_seconds:.3} s on {on}, for {lanes} sequences, one per pixel \
+                 and channel",
             )?;
+            let keep = |count: usize, why: &str| match count {
+                0 => String::new(),
+                1 => format!("           1 keeps the plain estimate: {why}\n"),
+                _ => format!("           {count} keep the plain estimate: {why}\n"),
+            };
+            f.write_str(&keep(self.lanes_skipped, "all terms are equal"))?;
+            f.write_str(&keep(self.lanes_fallen_back, "the method breaks down"))?;
         }
         for note in &self.notes[self.said..] {
             writeln!(f, "note       {note}")?;

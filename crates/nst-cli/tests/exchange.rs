@@ -100,6 +100,12 @@ fn info_knows_each_kind_of_file() {
     assert_eq!(dataset["sample_counts"], Value::from(vec![1, 2, 3]));
     let weights = info("w.safetensors");
     assert_eq!((&weights["kind"], &weights["window"]), (&"weights".into(), &8.into()));
+    let png = info("r7.png");
+    assert_eq!((&png["kind"], &png["width"]), (&"png".into(), &12.into()));
+    let system = json(&bench.succeed("info --system --json"));
+    assert_eq!(system["version"], env!("CARGO_PKG_VERSION"));
+    assert!(system["threads"].as_u64() > Some(0) && system["adapters"].is_array(), "{system}");
+    assert!(bench.succeed("info --system").contains("processor"));
     let scene = info(&scene);
     assert_eq!((&scene["kind"], &scene["triangles"]), (&"scene".into(), &38.into()));
     assert_eq!(scene["networks"], Value::from(vec!["cornell"]));
@@ -133,7 +139,7 @@ fn renderings_become_a_sequence_that_can_be_transformed() {
     render(&bench, [20], "--spp 5 --size 14x40");
     render(&bench, [21], "--spp 3 --size 14x40");
     let said = bench.succeed("pack s20.exr s21.exr --as estimates -o e.exr");
-    assert!(said.contains("3, 5 per pixel (attribute samplesPerPixel)"), "{said}");
+    assert!(said.contains("of 3, 5 samples per pixel (attribute samplesPerPixel)"), "{said}");
     let estimates = sequence(&bench.path("e.exr"));
     assert_eq!(estimates.info.sample_counts, [3, 5]);
     assert_eq!(estimates.batch.term(0), sequence(&bench.path("s21.exr")).batch.last());

@@ -22,7 +22,9 @@ fn render_writes_pictures_and_a_summary() {
     let scene = cornell();
     let said = bench.succeed(&format!("render --scene {scene} --spp 8 --size 24x16 --backend cpu"));
     assert_eq!(bench.files(), ["cornell.exr", "cornell.png"]);
-    for word in ["38 triangles", "24x16", "paths/s", "transform  cornell", "cornell.exr"] {
+    for word in
+        ["38 triangles", "24x16", "million paths per second", "transform  cornell", "cornell.exr"]
+    {
         assert!(said.contains(word), "'{word}' is not in:\n{said}");
     }
     let path = bench.path("cornell.exr");
@@ -34,6 +36,22 @@ fn render_writes_pictures_and_a_summary() {
     assert_ne!(transformed, plain);
     let png = std::fs::read(bench.path("cornell.png")).expect("the PNG");
     assert!(png.starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn a_png_can_be_all_that_is_written() {
+    let bench = Bench::new();
+    let scene = format!("render --scene {} --spp 8 --size 9x7", cornell());
+    bench.succeed(&format!("{scene} -o x.exr --sequence seq.exr"));
+    bench.succeed(&format!("{scene} -o y.png"));
+    bench.succeed("transform seq.exr -o z.PNG");
+    assert_eq!(bench.files(), ["seq.exr", "x.exr", "x.png", "y.png", "z.PNG"]);
+    let bytes = ["x.png", "y.png", "z.PNG"].map(|file| std::fs::read(bench.path(file)));
+    let [x, y, z] = bytes.map(|bytes| bytes.expect("a file"));
+    assert!(x == y && y == z);
+    // It is a name that was given: files of another program are replaced, as if it were .exr.
+    bench.write("w.png", &x);
+    bench.succeed("transform seq.exr --transform none -o w.png");
 }
 
 #[test]
@@ -214,11 +232,23 @@ fn auto_takes_the_network_of_the_scene_and_sampler_or_none() {
     let scene = cornell();
     let center = "--pixel center --spp 8";
     for (change, why) in [
-        ("--max-depth 3 --spp 8", "none (no network was trained on this very scene)"),
-        (&format!("{center} --max-depth 3"), "none (no network was trained on this very scene)"),
-        ("--spp 7", "none (network 'cornell' was trained on 8 to 64 spp"),
-        ("--spp 65", "none (network 'cornell' was trained on 8 to 64 spp"),
-        ("--sampler halton --spp 8", "none (network 'cornell' was trained on samples of another"),
+        (
+            "--max-depth 3 --spp 8",
+            "none (no network was trained on this very scene; with --max-depth 8, network \
+             'cornell' was)",
+        ),
+        (
+            &format!("{center} --max-depth 3"),
+            "none (no network was trained on this very scene; with --max-depth 2, network \
+             'cornell-direct' was)",
+        ),
+        ("--light sky --spp 8", "none (no network was trained on this very scene)"),
+        ("--spp 7", "none (network 'cornell' was trained on 8 to 64 samples per pixel"),
+        ("--spp 65", "none (network 'cornell' was trained on 8 to 64 samples per pixel"),
+        (
+            "--sampler halton --spp 8",
+            "none (network 'cornell' was trained on this scene with --sampler random)",
+        ),
         (center, "cornell-depth-8 (trained on this scene"),
         (&format!("{center} --sampler halton"), "cornell-depth-8-halton (trained on this scene"),
         (&format!("{center} --max-depth 2"), "cornell-direct (trained on this scene"),
@@ -288,7 +318,7 @@ fn methods_without_weights_transform_stored_sequences() {
         cornell()
     ));
     let plain = picture(&bench.path("x.exr"));
-    for method in METHODS {
+    for (method, _) in METHODS {
         let said =
             bench.succeed(&format!("transform seq.exr --json --transform {method} -o t.exr"));
         let json: serde_json::Value = serde_json::from_str(&said).expect("JSON");

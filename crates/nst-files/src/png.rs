@@ -101,12 +101,44 @@ fn failed(path: &Path, error: EncodingError) -> Error {
     }
 }
 
+/// What a PNG file says before its pixels.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PngInfo {
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// 1 to 4; those of a palette's pixels count as one.
+    pub channels: u32,
+    /// Bits per channel.
+    pub bits: u32,
+    /// Which program wrote it, if it says so.
+    pub software: Option<String>,
+}
+
+impl PngInfo {
+    /// Reads the beginning of a file.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it cannot be read, [`Error::Malformed`] if it is no PNG file.
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        let file = File::open(path).map_err(|error| Error::io("read", path, error))?;
+        let reader = ::png::Decoder::new(BufReader::new(file))
+            .read_info()
+            .map_err(|error| Error::malformed(path, format!("not a readable PNG file: {error}")))?;
+        let info = reader.info();
+        let texts = &info.uncompressed_latin1_text;
+        let software = texts.iter().find(|text| text.keyword == "Software");
+        Ok(Self {
+            size: [info.width, info.height],
+            channels: info.color_type.samples() as u32,
+            bits: info.bit_depth as u32,
+            software: software.map(|text| text.text.clone()),
+        })
+    }
+}
+
 /// Which program wrote a PNG file, if the file says so before its pixels.
 pub(crate) fn software(path: &Path) -> Option<String> {
-    let file = BufReader::new(File::open(path).ok()?);
-    let reader = ::png::Decoder::new(file).read_info().ok()?;
-    let texts = &reader.info().uncompressed_latin1_text;
-    texts.iter().find(|text| text.keyword == "Software").map(|text| text.text.clone())
+    PngInfo::read(path).ok()?.software
 }
 
 fn srgb_byte(linear: f32) -> u8 {
@@ -140,7 +172,12 @@ mod tests {
         let mut bytes = [0; 6];
         reader.next_frame(&mut bytes).expect("its pixels");
         assert_eq!(bytes, [255, 188, 0, 0, 0, 255]);
-        assert_eq!(software(&path).as_deref(), Some(SOFTWARE));
+        let software = Some(SOFTWARE.to_owned());
+        assert_eq!(PngInfo::read(&path)?, PngInfo { size: [2, 1], channels: 3, bits: 8, software });
+        std::fs::write(&path, SIGNATURE).expect("it is writable");
+        assert!(
+            PngInfo::read(&path).is_err_and(|error| error.to_string().contains("not a readable"))
+        );
         Ok(())
     }
 }

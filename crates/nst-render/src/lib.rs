@@ -31,6 +31,7 @@ mod tiles;
 
 pub use camera::{Camera, PixelFilter};
 pub use error::Error;
+pub use instructions::instruction_set;
 pub use load::{Lighting, LoadOptions, View};
 pub use material::{Disney, Material, Relief, Scattering};
 pub use memory::check_memory;

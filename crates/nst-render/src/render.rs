@@ -8,6 +8,7 @@ use std::{
 };
 
 use glam::Vec2;
+use nst_core::random::mix;
 use rayon::prelude::*;
 
 use crate::{
@@ -81,7 +82,12 @@ pub fn render_from(
     let build = Instant::now();
     let frame = Frame::new(scene, settings);
     let build_time = build.elapsed();
-    film.samples = frame.trace_passes(film.samples, &mut film.tiles(), settings.spp, control);
+    let samples = film.samples;
+    let mut tiles = film.tiles();
+    // In an order that jumps over the picture, so that the first tiles of a long pass tell
+    // how long the others will take.
+    tiles.sort_by_cached_key(|(tile, _)| mix(tile.index(0, scene.size[0]) as u64));
+    film.samples = frame.trace_passes(samples, &mut tiles, settings.spp, control);
     let (batch, sums) = film.develop()?;
     Ok(Rendering { batch, sums, time: begin.elapsed(), build_time })
 }

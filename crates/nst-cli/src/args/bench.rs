@@ -33,7 +33,7 @@ pub(crate) struct BenchSceneArgs {
     #[arg(long, value_name = "EXR")]
     pub(crate) reference: PathBuf,
     /// Sample counts to render with.
-    #[arg(long, value_delimiter = ',', default_values_t = [8, 16, 32, 64], value_parser = count, allow_negative_numbers = true)]
+    #[arg(long, value_delimiter = ',', num_args = 1.., default_values_t = [8, 16, 32, 64], value_parser = count, allow_negative_numbers = true)]
     pub(crate) spp: Vec<u32>,
     /// Independent renderings per sample count.
     #[arg(long, default_value_t = 10, value_parser = count, allow_negative_numbers = true)]
@@ -43,7 +43,7 @@ pub(crate) struct BenchSceneArgs {
     pub(crate) seed: u64,
     /// Methods to compare: `auto`, or names as for `nst transform`; `none` is always
     /// included.
-    #[arg(long, value_name = "METHOD", value_delimiter = ',', default_value = "auto", value_parser = transform)]
+    #[arg(long, value_name = "METHOD", value_delimiter = ',', num_args = 1.., default_value = "auto", value_parser = transform())]
     pub(crate) transform: Vec<TransformArg>,
     /// What networks run on.
     #[arg(long, value_enum, default_value_t)]

@@ -2,15 +2,16 @@
 
 use std::path::PathBuf;
 
-use clap::ValueEnum;
+use clap::{
+    ValueEnum,
+    builder::{PossibleValue, PossibleValuesParser, TypedValueParser},
+};
 use nst_core::{Network, methods::METHODS};
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct MethodArgs {
-    /// `auto`, `none`, the name of a built-in network, or of a classical or robust
-    /// method. `auto` uses the built-in network that was trained on exactly this scene, or
-    /// else none.
-    #[arg(long, value_name = "METHOD", default_value = "auto", value_parser = transform)]
+    /// What makes better estimates of the plain ones.
+    #[arg(long, value_name = "METHOD", default_value = "auto", value_parser = transform())]
     pub(crate) transform: TransformArg,
     /// Use the network of this safetensors file.
     #[arg(long, value_name = "FILE", conflicts_with = "transform")]
@@ -41,26 +42,47 @@ pub(crate) enum TransformArg {
     Method(&'static str),
 }
 
-pub(super) fn transform(text: &str) -> Result<TransformArg, String> {
-    let builtin = Network::builtins().map(|it| (it.name(), TransformArg::Builtin(it.name())));
-    let methods = METHODS.iter().map(|&name| (name, TransformArg::Method(name)));
-    let known = [("auto", TransformArg::Auto), ("none", TransformArg::None)];
-    let mut known = known.into_iter().chain(builtin).chain(methods);
-    known.clone().find(|&(name, _)| name == text).map(|(_, arg)| arg).ok_or_else(|| {
-        let first = known.next().map(|(name, _)| name.to_owned()).unwrap_or_default();
-        let names = known.fold(first, |names, (name, _)| names + ", " + name);
-        format!("known methods are {names}")
+/// Takes the name of a method; the help lists all of them.
+pub(super) fn transform() -> impl TypedValueParser<Value = TransformArg> {
+    let names = known().map(|(name, about, _)| PossibleValue::new(name).help(about));
+    PossibleValuesParser::new(names).map(|text| {
+        let found = known().find(|(name, ..)| *name == text);
+        found.map(|(.., arg)| arg).unwrap_or_else(|| unreachable!("clap admits known names only"))
     })
+}
+
+/// The methods that have names, and what each is in a few words.
+fn known() -> impl Iterator<Item = (&'static str, &'static str, TransformArg)> {
+    let builtin = Network::builtins().map(|it| it.name());
+    let builtin = builtin.map(|name| (name, "a built-in network", TransformArg::Builtin(name)));
+    let methods = METHODS.iter().map(|&(name, about)| (name, about, TransformArg::Method(name)));
+    let auto = "the built-in network that was trained on exactly this scene, or else none";
+    [("auto", auto, TransformArg::Auto), ("none", "the plain estimates", TransformArg::None)]
+        .into_iter()
+        .chain(builtin)
+        .chain(methods)
 }
 
 #[cfg(test)]
 mod tests {
+    use clap::Parser;
+
     use super::*;
+
+    #[derive(Parser)]
+    struct Only {
+        #[command(flatten)]
+        method: MethodArgs,
+    }
 
     #[test]
     fn networks_and_methods_have_names() {
-        assert_eq!(transform("cornell"), Ok(TransformArg::Builtin("cornell")));
-        assert_eq!(transform("levin-u"), Ok(TransformArg::Method("levin-u")));
-        assert!(transform("Cornell").is_err_and(|error| error.contains("families")));
+        let parsed = |name| {
+            let args = Only::try_parse_from(["nst", "--transform", name]);
+            args.map(|args| args.method.transform).map_err(|error| error.to_string())
+        };
+        assert_eq!(parsed("cornell"), Ok(TransformArg::Builtin("cornell")));
+        assert_eq!(parsed("levin-u"), Ok(TransformArg::Method("levin-u")));
+        assert!(parsed("Cornell").is_err_and(|error| error.contains("families")));
     }
 }

@@ -1,9 +1,11 @@
 //! The commands and their options. Commands with many options have a module each.
 
+#[cfg(feature = "render")]
 mod bench;
 mod common;
 mod method;
 mod pack;
+#[cfg(feature = "render")]
 mod render;
 mod values;
 
@@ -11,10 +13,12 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
+#[cfg(feature = "render")]
 pub(crate) use bench::{Bench, BenchArgs, BenchSceneArgs, BenchStabilityArgs};
 pub(crate) use common::CommonArgs;
 pub(crate) use method::{BackendArg, MethodArgs, TransformArg};
 pub(crate) use pack::{PackArgs, PackAs};
+#[cfg(feature = "render")]
 pub(crate) use render::{IntegratorArg, KeepArg, RenderArgs};
 use values::ending_in;
 pub(crate) use values::has_extension;
@@ -29,12 +33,14 @@ pub(crate) struct Args {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    #[cfg(feature = "render")]
     Render(RenderArgs),
     Transform(TransformArgs),
     Pack(PackArgs),
     Merge(MergeArgs),
     Info(InfoArgs),
     Compare(CompareArgs),
+    #[cfg(feature = "render")]
     Bench(BenchArgs),
     Completions(CompletionsArgs),
     Man(ManArgs),
@@ -44,6 +50,7 @@ impl Command {
     /// The options that all commands have.
     pub(crate) fn common(&self) -> &CommonArgs {
         match self {
+            #[cfg(feature = "render")]
             Self::Render(args) => &args.common,
             Self::Transform(args) => &args.common,
             Self::Pack(args) => &args.common,
@@ -52,7 +59,9 @@ impl Command {
             Self::Compare(args) => &args.common,
             Self::Completions(args) => &args.common,
             Self::Man(args) => &args.common,
+            #[cfg(feature = "render")]
             Self::Bench(BenchArgs { bench: Bench::Scene(args) }) => &args.common,
+            #[cfg(feature = "render")]
             Self::Bench(BenchArgs { bench: Bench::Stability(args) }) => &args.common,
         }
     }
@@ -64,9 +73,9 @@ pub(crate) struct TransformArgs {
     /// Sequence file, as written by `nst render --sequence`.
     #[arg(value_name = "EXR")]
     pub(crate) sequence: PathBuf,
-    /// Picture to write; a PNG is written beside it. [default: beside the sequence, ending in
-    /// .nst.exr]
-    #[arg(short, long, value_name = "EXR", value_parser = ending_in("exr"))]
+    /// Picture to write: .exr, with a PNG beside it, or .png alone. [default: beside the
+    /// sequence, ending in .nst.exr]
+    #[arg(short, long, value_name = "FILE", value_parser = ending_in(["exr", "png"]))]
     pub(crate) output: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) method: MethodArgs,
@@ -81,7 +90,7 @@ pub(crate) struct MergeArgs {
     #[arg(value_name = "EXR", required = true)]
     pub(crate) files: Vec<PathBuf>,
     /// Sequence to write.
-    #[arg(short, long, value_name = "EXR", value_parser = ending_in("exr"))]
+    #[arg(short, long, value_name = "EXR", value_parser = ending_in(["exr"]))]
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) common: CommonArgs,
@@ -92,8 +101,12 @@ pub(crate) struct MergeArgs {
 #[derive(Debug, clap::Args)]
 pub(crate) struct InfoArgs {
     /// The file.
-    #[arg(value_name = "FILE")]
-    pub(crate) file: PathBuf,
+    #[arg(value_name = "FILE", required_unless_present = "system")]
+    pub(crate) file: Option<PathBuf>,
+    /// Show the program's version and build, the processor and the adapters instead: for
+    /// reports of errors.
+    #[arg(long, conflicts_with = "file")]
+    pub(crate) system: bool,
     #[command(flatten)]
     pub(crate) common: CommonArgs,
 }
@@ -118,7 +131,7 @@ pub(crate) struct CompareArgs {
     pub(crate) reference_layer: Option<String>,
     /// Also write a picture of each pixel's relative squared error, in false colours on a
     /// logarithmic scale.
-    #[arg(long, value_name = "PNG", value_parser = ending_in("png"))]
+    #[arg(long, value_name = "PNG", value_parser = ending_in(["png"]))]
     pub(crate) error_map: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) common: CommonArgs,

@@ -23,8 +23,8 @@ pub(crate) struct RenderArgs {
     /// Samples per pixel.
     #[arg(long, default_value_t = 64, value_parser = count, allow_negative_numbers = true)]
     pub(crate) spp: u32,
-    /// Picture to write (.exr); a PNG is written beside it. With --runs, the dataset
-    /// (.safetensors). [default: the scene's name, in this folder]
+    /// Picture to write: .exr, with a PNG beside it, or .png alone. With --runs, the
+    /// dataset (.safetensors). [default: the scene's name, in this folder]
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
     /// Instead of a picture, write a dataset for training: this many independent runs,
@@ -32,7 +32,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "R", value_parser = count, allow_negative_numbers = true, conflicts_with = "sequence")]
     pub(crate) runs: Option<u32>,
     /// Also store the sequence, for `nst transform` and --resume.
-    #[arg(long, value_name = "EXR", value_parser = ending_in("exr"))]
+    #[arg(long, value_name = "EXR", value_parser = ending_in(["exr"]))]
     pub(crate) sequence: Option<PathBuf>,
     /// Continue the rendering of this sequence file, up to --spp. Options that the file
     /// sets can be left out. Without --sequence, the file itself is replaced by the longer
@@ -103,13 +103,17 @@ impl RenderArgs {
 
     /// Where the picture or the dataset goes.
     pub(crate) fn output(&self, scene: &str) -> Result<PathBuf, Error> {
-        let extension = if self.runs.is_some() { "safetensors" } else { "exr" };
+        let extensions: &[&str] = match self.runs {
+            None => &["exr", "png"],
+            Some(_) => &["safetensors"],
+        };
         match &self.output {
-            None => Ok(PathBuf::from(format!("{scene}.{extension}"))),
-            Some(path) if has_extension(path, extension) => Ok(path.clone()),
+            None => Ok(PathBuf::from(format!("{scene}.{}", extensions[0]))),
+            Some(path) if extensions.iter().any(|it| has_extension(path, it)) => Ok(path.clone()),
             Some(path) => Err(Error::Usage(format!(
-                "--output '{}': the name must end in .{extension}",
-                path.display()
+                "--output '{}': the name must end in .{}",
+                path.display(),
+                extensions.join(" or .")
             ))),
         }
     }

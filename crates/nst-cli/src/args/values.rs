@@ -45,11 +45,17 @@ pub(super) fn point(text: &str) -> Result<[f64; 3], String> {
         })
 }
 
-/// Takes a path with an extension; file names need not be UTF-8.
-pub(super) fn ending_in(extension: &'static str) -> impl TypedValueParser<Value = PathBuf> {
+/// Takes a path with one of these extensions; file names need not be UTF-8.
+pub(super) fn ending_in<const N: usize>(
+    extensions: [&'static str; N],
+) -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(move |path| {
-        let fits = has_extension(&path, extension);
-        if fits { Ok(path) } else { Err(format!("the name must end in .{extension}")) }
+        let fits = extensions.iter().any(|extension| has_extension(&path, extension));
+        if fits {
+            Ok(path)
+        } else {
+            Err(format!("the name must end in .{}", extensions.join(" or .")))
+        }
     })
 }
 
@@ -87,6 +93,8 @@ mod tests {
             assert!(point(bad).is_err(), "{bad}");
         }
         let transform = |output| Args::try_parse_from(["nst", "transform", "s.exr", "-o", output]);
-        assert!(transform("x.EXR").is_ok() && transform("x.png").is_err());
+        assert!(
+            transform("x.EXR").is_ok() && transform("x.png").is_ok() && transform("x.jpg").is_err()
+        );
     }
 }

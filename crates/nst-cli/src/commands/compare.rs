@@ -15,7 +15,7 @@ use nst_files::{
 use serde::Serialize;
 
 use super::check_distinct;
-use crate::{args::CompareArgs, error::Error};
+use crate::{args::CompareArgs, error::Error, progress::Progress, words::counted};
 
 /// The range of the error map: from where noise is no longer visible to errors above the
 /// radiance itself. It is the same for all pictures, so that maps can be compared.
@@ -83,6 +83,12 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report, Error> {
         .collect::<Result<Vec<_>, _>>()?;
     let window = common_window(&runs, &reference)?;
 
+    let progress = Progress::count(
+        &format!("reading {}", reference_path.display()),
+        "compare",
+        runs.len() as u64,
+        &args.common,
+    );
     let truth = reference.read_window(&window)?;
     let channels = reference.channel_names.len();
     let mut errors = RunErrors::new(&truth, channels)?;
@@ -92,7 +98,9 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report, Error> {
         let (run, nonfinite) = errors.push(&run.read_window(&window)?)?;
         means.push(run);
         nonfinite_pixels += nonfinite;
+        progress.advance(1);
     }
+    drop(progress);
     let row = |index: usize| {
         let of_metric: Vec<Means> = means.iter().map(|run| run[index]).collect();
         Row::new(&of_metric, errors.decomposition(Metric::ALL[index]))
@@ -208,23 +216,16 @@ impl Row {
     }
 }
 
-fn plural(count: usize, what: &str) -> String {
-    match count {
-        1 => format!("1 {what}"),
-        _ => format!("{count} {what}s"),
-    }
-}
-
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.write_table(f)?;
         writeln!(
             f,
             "trimmed: without the {} of largest error ({} %) of each picture",
-            plural(self.trimmed_pixels, "pixel"),
+            counted(self.trimmed_pixels, "pixel"),
             100.0 * TRIMMED
         )?;
-        writeln!(f, "not finite: {}, left out", plural(self.nonfinite_pixels, "pixel"))?;
+        writeln!(f, "not finite: {}, left out", counted(self.nonfinite_pixels, "pixel"))?;
         if self.runs > 1 {
             writeln!(
                 f,
@@ -259,10 +260,10 @@ impl Report {
         writeln!(
             f,
             "{}{} against {reference}{}: {width}x{height} pixels, {}",
-            plural(*runs, "picture"),
+            counted(*runs, "picture"),
             of(&self.layer),
             of(&self.reference_layer),
-            plural(self.channels, "channel")
+            counted(self.channels, "channel")
         )?;
         let (spread, parts) = if *runs > 1 {
             (format!("{:>11}", "± s.e."), format!("{:>12}{:>12}", "bias²", "variance"))

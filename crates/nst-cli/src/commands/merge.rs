@@ -8,8 +8,13 @@ use nst_files::{
 };
 use serde::Serialize;
 
-use super::{list, numbers};
-use crate::{args::MergeArgs, error::Error};
+use super::check_distinct;
+use crate::{
+    args::MergeArgs,
+    error::Error,
+    progress::Progress,
+    words::{counted, list, numbers},
+};
 
 /// What was merged.
 #[derive(Serialize)]
@@ -27,11 +32,15 @@ pub(super) fn run(args: &MergeArgs) -> Result<Report, Error> {
     if args.files.len() < 2 {
         return Err(Error::Usage("one sequence alone cannot be merged; name two or more".into()));
     }
+    check_distinct(&args.files)?;
     let mut outputs = Outputs::of_inputs(&args.files);
     let mut output = outputs.open(&args.output, Kind::Sequence, Name::Given)?;
     let merge = Merge::open(&args.files)?;
     let info = merge.info().clone();
+    let what = format!("merging {}", counted(args.files.len(), "sequence"));
+    let progress = Progress::step(what, &args.common);
     merge.write(&mut output)?;
+    drop(progress);
     output.commit()?;
     Ok(Report {
         files: args.files.iter().map(|path| path.display().to_string()).collect(),
@@ -50,7 +59,7 @@ impl fmt::Display for Report {
         let seeds: Vec<_> = self.seeds.iter().map(u64::to_string).collect();
         writeln!(f, "sequences  {} of {width}x{height} pixels", self.files.len())?;
         writeln!(f, "seeds      {}", list(&seeds, ""))?;
-        writeln!(f, "samples    {} per pixel", numbers(&self.sample_counts))?;
+        writeln!(f, "terms      of {} samples per pixel", numbers(&self.sample_counts))?;
         writeln!(f, "wrote      {}", self.output)
     }
 }

@@ -4,17 +4,19 @@ use std::time::{Duration, Instant};
 
 use nst_core::{Estimates, Grid, SequenceBatch, Side, Strips, Support};
 use nst_files::{
-    output::{Kind, Name, OutputFile, Outputs, commit},
+    output::{Name, Outputs},
     picture_writer::PictureWriter,
     png::PngWriter,
     sequence_file::{SequenceInfo, SequenceReader},
 };
 
+use super::picture_files::PictureFiles;
 use crate::{
+    adapter::caught,
     args::TransformArgs,
     error::Error,
-    fallback::caught,
     method::{Method, Origin},
+    progress::Progress,
     summary::{LaneCounts, Stopwatch, Summary, TimedStrips, timed},
 };
 
@@ -39,24 +41,26 @@ pub(super) fn run(args: &TransformArgs) -> Result<Summary, Error> {
         Some(path) => (path, Name::Given),
         None => (&default, Name::Default),
     };
-    let mut exr = outputs.open(path, Kind::Picture, name)?;
-    // The program chose this name, not the user.
-    let mut png = outputs.open(&path.with_extension("png"), Kind::Png, Name::Default)?;
-    let lanes = write(&mut watch, &method, &mut reader, &info, [&mut exr, &mut png])?;
-    let files = [&exr, &png].map(|file| file.path().display().to_string()).to_vec();
-    timed(&mut watch.io, || commit([exr, png]))?;
+    let mut files = PictureFiles::open(&mut outputs, path, name)?;
+    let lanes = write(args, &mut watch, &method, &mut reader, &info, &mut files)?;
+    let files = timed(&mut watch.io, || files.commit())?;
     Ok(watch.summary(None, &method, lanes, files, (Vec::new(), 0)))
 }
 
 /// Transforms the sequence into a picture with the layers `S` and `Variance`, and into a PNG.
 fn write(
+    args: &TransformArgs,
     watch: &mut Stopwatch,
     method: &Method,
     reader: &mut SequenceReader,
     info: &SequenceInfo,
-    [exr, png]: [&mut OutputFile; 2],
+    files: &mut PictureFiles,
 ) -> Result<LaneCounts, Error> {
     let start = Instant::now();
+    let lanes_in_all =
+        info.size.map(u64::from).iter().product::<u64>() * info.model.channels().len() as u64;
+    let before = format!("reading {}", args.sequence.display());
+    let progress = Progress::count(&before, "transform", lanes_in_all, &args.common);
     let mut strips = TimedStrips { strips: reader, time: Duration::ZERO };
     let fitted = method.transform.fit(&mut strips)?;
     watch.transform += start.elapsed().saturating_sub(strips.time);
@@ -64,8 +68,10 @@ fn write(
     let mut layers = vec!["", "S"];
     let variance = info.sides.contains(&Side::Variance);
     layers.extend(variance.then_some("Variance"));
-    let mut picture = PictureWriter::create(exr, info.size, info.model, &layers)?;
-    let mut png = PngWriter::create(png, info.size)?;
+    let exr = files.exr.as_mut();
+    let mut exr =
+        exr.map(|exr| PictureWriter::create(exr, info.size, info.model, &layers)).transpose()?;
+    let mut png = PngWriter::create(&mut files.png, info.size)?;
     let channels = info.model.channels().len();
     let mut estimates = Estimates::default();
     let mut lanes = LaneCounts::default();
@@ -80,13 +86,14 @@ fn write(
             .chain([&last, &variance].into_iter().flatten().map(AsRef::as_ref))
             .collect();
         timed(&mut watch.io, || {
-            picture.push(&layers)?;
+            exr.as_mut().map_or(Ok(()), |exr| exr.push(&layers))?;
             png.push(estimates.values(), channels)
         })?;
+        progress.advance(estimates.values().len() as u64);
     }
     watch.io += strips.time;
     timed(&mut watch.io, || {
-        picture.finish()?;
+        exr.map_or(Ok(()), PictureWriter::finish)?;
         png.finish()
     })?;
     Ok(lanes)

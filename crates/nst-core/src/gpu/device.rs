@@ -198,25 +198,46 @@ impl Gpu {
 }
 
 /// The first adapter of the given kind, discrete GPUs first.
-async fn best_adapter(kind: AdapterKind) -> Result<wgpu::Adapter, Error> {
+/// The adapters that this machine's drivers offer, in the order in which they are preferred:
+/// for each its name, what kind of device it is, its interface and its driver, in one line.
+#[must_use]
+pub fn adapters() -> Vec<String> {
+    let described = |adapter: &wgpu::Adapter| {
+        let wgpu::AdapterInfo { name, device_type, backend, driver, driver_info, .. } =
+            adapter.get_info();
+        format!("{name} ({device_type:?}, {backend:?}, {driver} {driver_info})")
+    };
+    pollster::block_on(all_adapters()).iter().map(described).collect()
+}
+
+/// All adapters, the best first.
+async fn all_adapters() -> Vec<wgpu::Adapter> {
     let backends = wgpu::Backends::PRIMARY;
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends,
         ..wgpu::InstanceDescriptor::new_without_display_handle()
     });
     let mut adapters = instance.enumerate_adapters(backends).await;
-    let rank = |adapter: &wgpu::Adapter| match adapter.get_info().device_type {
+    adapters.sort_by_key(rank);
+    adapters
+}
+
+/// The lower, the better.
+fn rank(adapter: &wgpu::Adapter) -> u32 {
+    match adapter.get_info().device_type {
         wgpu::DeviceType::DiscreteGpu => 0,
         wgpu::DeviceType::IntegratedGpu => 1,
         wgpu::DeviceType::VirtualGpu => 2,
         wgpu::DeviceType::Other => 3,
         wgpu::DeviceType::Cpu => 4,
-    };
+    }
+}
+
+async fn best_adapter(kind: AdapterKind) -> Result<wgpu::Adapter, Error> {
     let any = kind == AdapterKind::Any || fault::wanted().is_some();
-    adapters.retain(|adapter| any || rank(adapter) < 3);
-    adapters.sort_by_key(rank);
+    let adapters = all_adapters().await;
     let none = || Error::NoAdapter("no Vulkan, Metal or Direct3D 12 driver offers one".into());
-    adapters.into_iter().next().ok_or_else(none)
+    adapters.into_iter().find(|adapter| any || rank(adapter) < 3).ok_or_else(none)
 }
 
 /// Matrices that a subgroup multiplies together: f16 with sums in f32.

@@ -10,6 +10,6 @@ mod mlp;
 mod options;
 mod pack;
 
-pub use device::{AdapterKind, Gpu, LowerLimits};
+pub use device::{AdapterKind, Gpu, LowerLimits, adapters};
 pub use mlp::MlpGpu;
 pub use options::{GpuOptions, Kernel, Precision};

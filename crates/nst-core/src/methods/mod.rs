@@ -38,23 +38,24 @@ pub use theta::BrezinskiTheta;
 
 use crate::Transform;
 
-/// The names that [`method`] knows: classical methods, then robust ones.
-pub const METHODS: &[&str] = &[
-    "aitken",
-    "aitken-iterated",
-    "levin-u",
-    "brezinski-theta",
-    "wynn-epsilon",
-    "euler",
-    "richardson",
-    "an-gn",
-    "an-gn-square",
-    "an-gn-geometric",
-    "prior-mean",
-    "median-of-means",
-    "gmon",
-    "reweight",
-    "ridge",
+/// The names that [`method`] knows, and what each is in a few words: classical methods,
+/// then robust and fitted ones.
+pub const METHODS: &[(&str, &str)] = &[
+    ("aitken", "Aitken's Δ²"),
+    ("aitken-iterated", "Aitken's Δ², iterated"),
+    ("levin-u", "Levin's u-transformation"),
+    ("brezinski-theta", "Brezinski's θ-algorithm"),
+    ("wynn-epsilon", "Wynn's ε-algorithm, which is Shanks' transformation"),
+    ("euler", "Euler's transformation of alternating series"),
+    ("richardson", "Richardson's extrapolation to 1/n = 0"),
+    ("an-gn", "the a_n g_n transformation for errors like 1/n"),
+    ("an-gn-square", "the a_n g_n transformation for errors like 1/n²"),
+    ("an-gn-geometric", "the a_n g_n transformation for geometric errors"),
+    ("prior-mean", "one constant for all lanes: what learned methods should beat"),
+    ("median-of-means", "the median of the means of the four folds"),
+    ("gmon", "between the mean and the median of means, by the Gini coefficient"),
+    ("reweight", "folds with outliers get less weight"),
+    ("ridge", "a regression on the folds, fitted on the picture itself"),
 ];
 
 /// The method of a name in [`METHODS`]; `None` for other names.
@@ -95,7 +96,7 @@ mod tests {
 
     #[test]
     fn every_name_is_known() {
-        assert!(METHODS.iter().all(|name| method(name).is_some()));
+        assert!(METHODS.iter().all(|(name, about)| method(name).is_some() && !about.is_empty()));
         assert!(method("Aitken").is_none());
     }
 }

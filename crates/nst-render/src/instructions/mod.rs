@@ -31,6 +31,19 @@ pub(crate) enum Instructions {
     Avx512(Avx512),
 }
 
+/// The widest vector instructions that this machine has and the renderer uses: `AVX-512`,
+/// `AVX2`, or `portable` code.
+#[must_use]
+pub fn instruction_set() -> &'static str {
+    match Instructions::detect() {
+        Instructions::Portable => "portable",
+        #[cfg(target_arch = "x86_64")]
+        Instructions::Avx2(_) => "AVX2",
+        #[cfg(target_arch = "x86_64")]
+        Instructions::Avx512(_) => "AVX-512",
+    }
+}
+
 impl Instructions {
     /// The best that this processor has.
     pub(crate) fn detect() -> Self {

@@ -17,9 +17,9 @@ use nst_render::{LoadOptions, RenderSettings, Rendering, SamplerKind, Scene, ren
 use serde::Serialize;
 
 use crate::{
+    adapter::caught,
     args::{BenchSceneArgs, TransformArg},
     error::Error,
-    fallback::caught,
     method::{DEFAULT_WINDOW, Method, Origin},
     summary::timed,
 };

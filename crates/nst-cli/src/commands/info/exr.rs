@@ -9,8 +9,11 @@ use nst_files::{
 };
 use serde::Serialize;
 
-use super::{Content, list, numbers, or_unknown};
-use crate::error::Error;
+use super::{Content, or_unknown};
+use crate::{
+    error::Error,
+    words::{counted, list, numbers},
+};
 
 #[derive(Serialize)]
 pub(super) struct PictureReport {
@@ -109,14 +112,19 @@ impl PartReport {
 impl fmt::Display for SequenceReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "sequence (EXR), {} bytes", self.picture.bytes)?;
-        writeln!(f, "terms       {}", numbers(&self.sample_counts))?;
+        writeln!(f, "terms       of {} samples per pixel", numbers(&self.sample_counts))?;
         writeln!(f, "beside them {}", list(&self.side_channels, "nothing"))?;
         writeln!(f, "scene       {}", or_unknown(&self.scene))?;
         let seeds: Vec<_> = self.seeds.iter().map(u64::to_string).collect();
         let seeds = list(&seeds, "not recorded");
         writeln!(f, "sampler     {}, seed {seeds}", or_unknown(&self.sampler))?;
         let can = if self.resumable { "can" } else { "cannot" };
-        writeln!(f, "rendering   {} s, {can} be continued", self.render_seconds)?;
+        let time = match self.render_seconds {
+            // As other renderers' files do not say it.
+            0.0 => "of unknown time".to_owned(),
+            seconds => format!("{seconds:.2} s"),
+        };
+        writeln!(f, "rendering   {time}, {can} be continued")?;
         self.picture.write_parts(f)
     }
 }
@@ -152,8 +160,8 @@ impl PartReport {
         kinds.sort_unstable();
         kinds.dedup();
         format!(
-            "part        {name}{width}x{height} pixels{at}, {} channels of {}, {}{}",
-            self.channels.len(),
+            "part        {name}{width}x{height} pixels{at}, {} of {}, {}{}",
+            counted(self.channels.len(), "channel"),
             kinds.join(" and "),
             self.storage,
             if self.deep { ", deep" } else { "" }

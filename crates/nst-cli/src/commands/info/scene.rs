@@ -6,8 +6,10 @@ use nst_core::Network;
 use nst_render::Scene;
 use serde::Serialize;
 
-use super::list;
-use crate::error::Error;
+use crate::{
+    error::Error,
+    words::{counted, list},
+};
 
 #[derive(Serialize)]
 pub(super) struct SceneInfo {
@@ -71,12 +73,18 @@ impl fmt::Display for SceneInfo {
         let Self { triangles, lights, materials, width, height, camera, .. } = self;
         writeln!(
             f,
-            "scene, {triangles} triangles, {lights} of them lights, {materials} materials"
+            "scene, {} ({lights} emitting light), {}",
+            counted(*triangles, "triangle"),
+            counted(*materials, "material")
         )?;
         writeln!(f, "fingerprint {}", self.fingerprint)?;
         let none = "none of the built-in ones was trained on it";
         writeln!(f, "networks    {}", list(&self.networks, none))?;
-        writeln!(f, "film        {width}x{height}, paths of up to {} vertices", self.max_depth)?;
+        writeln!(
+            f,
+            "film        {width}x{height} pixels, paths of up to {} vertices",
+            self.max_depth
+        )?;
         writeln!(
             f,
             "camera      at {}, towards {}, {} degrees high",

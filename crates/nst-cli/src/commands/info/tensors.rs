@@ -6,8 +6,11 @@ use nst_core::Network;
 use nst_files::dataset::DatasetInfo;
 use serde::Serialize;
 
-use super::{numbers, or_unknown};
-use crate::error::Error;
+use super::or_unknown;
+use crate::{
+    error::Error,
+    words::{counted, numbers},
+};
 
 #[derive(Serialize)]
 pub(super) struct WeightsInfo {
@@ -47,11 +50,17 @@ impl WeightsInfo {
 impl fmt::Display for WeightsInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { shape, parameters, samples: [first, last], .. } = self;
-        writeln!(f, "weights of a network, {shape} wide, {parameters} parameters")?;
-        writeln!(f, "reads       the last {} terms", self.window)?;
-        writeln!(f, "trained on  {}, {first} to {last} samples", self.trained_on.join(", "))?;
+        let widths = shape.replace('-', ", ");
+        writeln!(f, "weights of a network, {}", counted(*parameters, "parameter"))?;
+        writeln!(f, "layers      {widths} wide, from the input to the output")?;
+        writeln!(f, "reads       the last {}", counted(self.window, "term"))?;
+        writeln!(
+            f,
+            "trained on  {}, {first} to {last} samples per pixel",
+            self.trained_on.join(", ")
+        )?;
         let Self { loss, epochs, seed, .. } = self;
-        writeln!(f, "training    loss {loss}, {epochs} epochs, seed {seed}")
+        writeln!(f, "training    loss {loss}, {}, seed {seed}", counted(*epochs as usize, "epoch"))
     }
 }
 
@@ -88,10 +97,12 @@ impl fmt::Display for DatasetReport {
         let Self { runs, width, height, channels, sample_counts, .. } = self;
         writeln!(
             f,
-            "dataset, {runs} runs of {} terms, {width}x{height} pixels, {channels} channels",
-            sample_counts.len()
+            "dataset, {} of {}, {width}x{height} pixels, {}",
+            counted(*runs as usize, "run"),
+            counted(sample_counts.len(), "term"),
+            counted(*channels as usize, "channel")
         )?;
-        writeln!(f, "samples     {}", numbers(sample_counts))?;
+        writeln!(f, "terms       of {} samples per pixel", numbers(sample_counts))?;
         writeln!(f, "scene       {}", or_unknown(&self.scene))?;
         let seeds = match self.first_seed {
             None => "not recorded".to_owned(),

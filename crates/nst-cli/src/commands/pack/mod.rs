@@ -13,11 +13,12 @@ use nst_files::{
 };
 use serde::Serialize;
 
-use super::{list, numbers};
 use crate::{
     args::{PackArgs, PackAs, has_extension},
     error::Error,
+    progress::Progress,
     report::Done,
+    words::{counted, list, numbers},
 };
 use counts::{Source, samples_each, samples_of_estimates, sort};
 
@@ -50,9 +51,11 @@ fn check(args: &PackArgs) -> Result<(), Error> {
         ));
     }
     match &args.spp_list {
-        Some(list) if list.len() != args.files.len() => {
-            wrong(&format!("--spp-list has {} numbers for {} files", list.len(), args.files.len()))
-        }
+        Some(list) if list.len() != args.files.len() => wrong(&format!(
+            "--spp-list has {} for {}; name one number for each file",
+            counted(list.len(), "number"),
+            counted(args.files.len(), "file")
+        )),
         _ => Ok(()),
     }
 }
@@ -114,11 +117,16 @@ fn sequence(args: &PackArgs) -> Result<Report, Error> {
         resume: None,
     };
     let mut writer = SequenceWriter::create(&mut output, &info)?;
+    let before = format!("reading {}", counted(args.files.len(), "picture"));
+    let progress = Progress::count(&before, "pack", info.size[1].into(), &args.common);
     for rows in packer.strips() {
+        let height = u64::from(rows.end - rows.start);
         writer.push(&packer.read(rows)?, None)?;
+        progress.advance(height);
     }
     writer.finish()?;
     let nonfinite = packer.finish()?;
+    drop(progress);
     output.commit()?;
     Ok(Report {
         files,
@@ -162,11 +170,12 @@ impl fmt::Display for Report {
             self.channels.join(", ")
         )?;
         let counts = numbers(&self.sample_counts);
-        writeln!(f, "samples    {counts} per pixel ({})", self.samples_from)?;
+        writeln!(f, "terms      of {counts} samples per pixel ({})", self.samples_from)?;
         writeln!(f, "order      {}", list(&self.files, ""))?;
-        let left_out = if self.means { ", and are left out of the means" } else { "" };
+        let left_out = if self.means { ", and left out of the means" } else { "" };
         for (path, count) in &self.nonfinite {
-            writeln!(f, "note       {count} values of '{path}' are not finite{left_out}")?;
+            let are = if *count == 1 { "value is" } else { "values are" };
+            writeln!(f, "note       {count} {are} not finite in '{path}'{left_out}")?;
         }
         for note in &self.notes {
             writeln!(f, "note       {note}")?;

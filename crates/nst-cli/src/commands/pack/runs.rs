@@ -11,8 +11,10 @@ use serde::Serialize;
 
 use crate::{
     args::PackArgs,
-    commands::{check_distinct, numbers},
+    commands::check_distinct,
     error::Error,
+    progress::Progress,
+    words::{counted, numbers},
 };
 
 /// The sequences, and the dataset that was made from them.
@@ -61,9 +63,13 @@ pub(super) fn run(args: &PackArgs) -> Result<Report, Error> {
         first_seed: seeds.first().copied().filter(|_| consecutive),
     };
     let mut writer = DatasetWriter::new(output, info)?;
+    let before = format!("reading {}", counted(args.files.len(), "sequence"));
+    let progress = Progress::count(&before, "pack", args.files.len() as u64, &args.common);
     for path in &args.files {
         writer.push(&SequenceFile::read(path)?.batch)?;
+        progress.advance(1);
     }
+    drop(progress);
     writer.finish()?;
     Ok(Report {
         files: args.files.iter().map(|path| path.display().to_string()).collect(),
@@ -78,7 +84,7 @@ pub(super) fn run(args: &PackArgs) -> Result<Report, Error> {
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "runs       {} of {}x{} pixels", self.runs, self.width, self.height)?;
-        writeln!(f, "samples    {} per pixel", numbers(&self.sample_counts))?;
+        writeln!(f, "terms      of {} samples per pixel", numbers(&self.sample_counts))?;
         write!(f, "wrote      {}", self.output)
     }
 }

@@ -9,13 +9,14 @@ use nst_files::{
 use nst_render::{Control, RenderSettings, Scene, check_memory, render_from};
 use serde::Serialize;
 
-use super::{describe, load_scene, outputs, paths, progress_bar, settings};
+use super::{describe, load_scene, outputs, paths, progress, settings};
 use crate::{
     args::{KeepArg, RenderArgs},
     error::Error,
     interrupt,
     method::DEFAULT_WINDOW,
     report::Done,
+    words::counted,
 };
 
 /// What was rendered.
@@ -67,9 +68,9 @@ fn write(
         first_seed: Some(settings.seed),
     };
     let mut writer = DatasetWriter::new(output, info)?;
-    let bar = progress_bar(paths(scene, args.spp).saturating_mul(u64::from(runs)), &args.common);
-    let progress = |paths| bar.inc(paths);
-    let control = Control { progress: &progress, stop: &interrupt::asked };
+    let bar = progress(scene, paths(scene, args.spp).saturating_mul(runs.into()), &args.common);
+    let advance = |paths| bar.advance(paths);
+    let control = Control { progress: &advance, stop: &interrupt::asked };
     let mut done = 0;
     while done < runs {
         let seed = settings.seed + u64::from(done);
@@ -84,7 +85,7 @@ fn write(
             break;
         }
     }
-    bar.finish_and_clear();
+    drop(bar);
     if done == 0 {
         return Err(Error::Interrupted("no run was complete, nothing is written".into()));
     }
@@ -94,6 +95,6 @@ fn write(
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "wrote      {} ({} runs)", self.files.join(", "), self.runs)
+        write!(f, "wrote      {} ({})", self.files.join(", "), counted(self.runs as usize, "run"))
     }
 }

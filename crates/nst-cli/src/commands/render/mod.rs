@@ -1,10 +1,10 @@
 //! `nst render`: scene → sequence → transformation → pictures.
 
+mod advice;
 mod dataset;
 mod picture;
 mod resume;
 
-use indicatif::{ProgressBar, ProgressStyle};
 use nst_core::Keep;
 use nst_files::{output::Outputs, sequence_file::SequenceInfo};
 use nst_render::{PixelFilter, RenderSettings, Scene};
@@ -13,7 +13,9 @@ use crate::{
     args::{CommonArgs, IntegratorArg, KeepArg, RenderArgs},
     error::Error,
     method::DEFAULT_WINDOW,
+    progress::Progress,
     report::{Done, say},
+    words::counted,
 };
 
 pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
@@ -53,7 +55,9 @@ fn outputs(args: &RenderArgs, scene: &Scene) -> Outputs {
 fn load_scene(args: &RenderArgs, stored: Option<&SequenceInfo>) -> Result<Scene, Error> {
     let mut options = args.load_options();
     options.size = args.size.or(stored.map(|info| info.size));
+    let reading = Progress::step(format!("reading {}", args.scene.display()), &args.common);
     let mut scene = Scene::load_with(&args.scene, &options)?;
+    drop(reading);
     let how = stored.and_then(|info| info.resume.as_ref());
     let direct = matches!(args.integrator, Some(IntegratorArg::Direct)).then_some(2);
     let depth = direct.or(args.max_depth).or(how.map(|how| how.max_depth));
@@ -70,29 +74,30 @@ fn load_scene(args: &RenderArgs, stored: Option<&SequenceInfo>) -> Result<Scene,
 fn describe(scene: &Scene, spp: u32, common: &CommonArgs) {
     let lights = scene.triangles.iter().filter(|t| scene.materials[t.material as usize].emits());
     let mut lines = format!(
-        "scene      {}: {} triangles, {} of them lights, {} materials\n",
+        "scene      {}: {} ({} light), {}\n",
         scene.name,
-        scene.triangles.len(),
-        lights.count(),
-        scene.materials.len()
+        counted(scene.triangles.len(), "triangle"),
+        match lights.count() {
+            0 => "none emits".into(),
+            1 => "1 emits".into(),
+            count => format!("{count} emit"),
+        },
+        counted(scene.materials.len(), "material")
     );
     for note in &scene.notes {
         lines += &format!("           note: {note}\n");
     }
     let [width, height] = scene.size;
     lines += &format!(
-        "film       {width}x{height}, {spp} spp, paths of up to {} vertices",
+        "film       {width}x{height} pixels, {} per pixel, paths of up to {} vertices",
+        counted(spp as usize, "sample"),
         scene.max_depth
     );
     say(&lines, common);
 }
 
-/// A bar on a terminal, nothing in a pipe.
-fn progress_bar(paths: u64, common: &CommonArgs) -> ProgressBar {
-    if common.quiet || common.json {
-        return ProgressBar::hidden();
-    }
-    let style = ProgressStyle::with_template("render     {bar:40} {percent:>3} %, {eta} left")
-        .expect("the template is a constant");
-    ProgressBar::new(paths).with_style(style)
+/// What the terminal shows while so many paths are traced, and the tree before them is built.
+fn progress(scene: &Scene, paths: u64, common: &CommonArgs) -> Progress {
+    let before = format!("building the tree of {}", counted(scene.triangles.len(), "triangle"));
+    Progress::count(&before, "render", paths, common)
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use nst_core::{Estimates, SequenceBatch, Side};
 use nst_files::{
     ColorModel,
-    output::{Kind, Name, OutputFile, Outputs, commit},
+    output::{Kind, Name, OutputFile, Outputs},
     picture_writer::write_exr,
     png,
     sequence_file::{ResumeInfo, SequenceInfo, SequenceWriter},
@@ -13,16 +13,19 @@ use nst_files::{
 use nst_render::{Control, RenderSettings, Rendering, SamplerKind, Scene, render_from};
 
 use super::{
-    describe, load_scene, outputs, paths, progress_bar,
+    advice::options_with_a_network,
+    describe, load_scene, outputs, paths, progress,
     resume::{self, Resumed, Start},
     settings,
 };
 use crate::{
+    adapter::caught,
     args::{KeepArg, RenderArgs},
+    commands::picture_files::PictureFiles,
     error::Error,
-    fallback::caught,
     interrupt,
     method::{Method, Origin},
+    progress::Progress,
     report::{Done, say},
     summary::{LaneCounts, RenderStats, Stopwatch, timed},
 };
@@ -57,7 +60,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     let files = Files::open(&job, resumed.as_ref())?;
 
     interrupt::finish_on_signal();
-    let start = timed(&mut watch.io, || resumed.map(Resumed::read).transpose())?;
+    let start = timed(&mut watch.io, || resumed.map(|it| read_start(it, args)).transpose())?;
     describe(&job.scene, args.spp, &args.common);
     if let Some(start) = &start {
         say(&format!("resumed    from {} spp", start.samples), &args.common);
@@ -65,17 +68,22 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     job.render(watch, method, &settings, files, start)
 }
 
+/// Reads the sequence that is to be continued.
+fn read_start(resumed: Resumed, args: &RenderArgs) -> Result<Start, Error> {
+    let _step = Progress::step(format!("reading {}", resumed.path.display()), &args.common);
+    resumed.read()
+}
+
 /// The files to write; the sequence only if it was asked for.
 struct Files {
     sequence: Option<OutputFile>,
-    exr: OutputFile,
-    png: OutputFile,
+    picture: PictureFiles,
 }
 
 impl Files {
     fn open(job: &Job<'_>, resumed: Option<&Resumed>) -> Result<Self, Error> {
         let args = job.args;
-        let exr_path = args.output(&job.scene.name)?;
+        let path = args.output(&job.scene.name)?;
         let mut outputs: Outputs = outputs(args, &job.scene);
         // The sequence that is continued is replaced, unless --sequence names another.
         let sequence = match (&args.sequence, resumed) {
@@ -88,10 +96,8 @@ impl Files {
         };
         let sequence =
             sequence.map(|path| outputs.open(path, Kind::Sequence, Name::Given)).transpose()?;
-        let exr = outputs.open(&exr_path, Kind::Picture, args.output_name())?;
-        // The program chose this name, not the user.
-        let png = outputs.open(&exr_path.with_extension("png"), Kind::Png, Name::Default)?;
-        Ok(Self { sequence, exr, png })
+        let picture = PictureFiles::open(&mut outputs, &path, args.output_name())?;
+        Ok(Self { sequence, picture })
     }
 }
 
@@ -104,7 +110,12 @@ impl Job<'_> {
     fn method(&self, spp: u32) -> Result<Method, Error> {
         let (scene, sampler) = (self.fingerprint.as_str(), self.sampler.to_string());
         let origin = Origin { scene, sampler: &sampler, counts: &[spp] };
-        Method::resolve(&self.args.method, origin)
+        let mut method = Method::resolve(&self.args.method, origin)?;
+        // What is continued keeps its options.
+        if self.args.resume.is_none() {
+            method.advise(|| options_with_a_network(&self.scene));
+        }
+        Ok(method)
     }
 
     fn render(
@@ -116,15 +127,16 @@ impl Job<'_> {
         start: Option<Start>,
     ) -> Result<Done, Error> {
         let Self { args, scene, .. } = self;
-        let Files { sequence, exr, png } = files;
+        let Files { sequence, picture } = files;
         let (done, spent) = start.as_ref().map_or((0, 0.0), |start| (start.samples, start.seconds));
-        let bar = progress_bar(paths(scene, args.spp - done), &args.common);
-        let progress = |paths| bar.inc(paths);
-        let control = Control { progress: &progress, stop: &interrupt::asked };
+        let bar = progress(scene, paths(scene, args.spp - done), &args.common);
+        let advance = |paths| bar.advance(paths);
+        let control = Control { progress: &advance, stop: &interrupt::asked };
         let start = start.map(|start| start.rendering);
         let rendering = render_from(start, scene, settings, control)?;
-        bar.finish_and_clear();
+        drop(bar);
 
+        let _rest = Progress::step("transforming and writing", &args.common);
         // The samples are stored first: if a later step fails, they are not lost.
         let mut written = Vec::new();
         timed(&mut watch.io, || sequence.map(|file| self.store(file, settings, &rendering, spent)))
@@ -139,9 +151,8 @@ impl Job<'_> {
             caught(|| method.transform.transform(&rendering.batch, &mut estimates))
         });
         let values = transformed.as_ref().map_or(rendering.batch.last(), |()| estimates.values());
-        written.extend(timed(&mut watch.io, || {
-            write_pictures(scene.size, exr, png, &rendering.batch, values)
-        })?);
+        written
+            .extend(timed(&mut watch.io, || write(scene.size, picture, &rendering.batch, values))?);
         if let Err(why) = transformed {
             let saved = format!("{} show the plain estimates", written.join(", "));
             return Err(Error::Transform { why: why.to_string(), saved });
@@ -229,18 +240,17 @@ impl Job<'_> {
 
 /// Writes the picture, with the layers `S` and `Variance`, and the PNG; returns their
 /// paths.
-fn write_pictures(
+fn write(
     size: [u32; 2],
-    mut exr: OutputFile,
-    mut png: OutputFile,
+    mut files: PictureFiles,
     batch: &SequenceBatch,
     values: &[f32],
 ) -> Result<Vec<String>, Error> {
     let mut layers = vec![("", values), ("S", batch.last())];
     layers.extend(batch.side(&Side::Variance).map(|variance| ("Variance", variance)));
-    write_exr(&mut exr, size, ColorModel::Rgb, &layers)?;
-    png::write(&mut png, size, values)?;
-    let written = [&exr, &png].map(|file| file.path().display().to_string());
-    commit([exr, png])?;
-    Ok(written.into())
+    if let Some(exr) = &mut files.exr {
+        write_exr(exr, size, ColorModel::Rgb, &layers)?;
+    }
+    png::write(&mut files.png, size, values)?;
+    files.commit()
 }

@@ -75,7 +75,7 @@ fn precision(page: &mut String) {
         [method.to_owned()].into_iter().chain(cells).collect::<Vec<_>>()
     };
     line(page, row("S_n").into_iter());
-    for method in METHODS.iter().filter(|name| extrapolation(name).is_some()) {
+    for (method, _) in METHODS.iter().filter(|(name, _)| extrapolation(name).is_some()) {
         line(page, row(method).into_iter());
     }
 }

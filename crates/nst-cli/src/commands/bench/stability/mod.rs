@@ -141,7 +141,7 @@ const NETWORKS: [&str; 2] = ["cornell", "families"];
 
 fn rows(effort: &Effort) -> Result<Vec<Row>, Error> {
     let networks = NETWORKS.iter().map(|&name| TransformArg::Builtin(name));
-    let methods = METHODS.iter().map(|&name| TransformArg::Method(name));
+    let methods = METHODS.iter().map(|&(name, _)| TransformArg::Method(name));
     let methods = [TransformArg::None]
         .into_iter()
         .chain(methods)

@@ -1,0 +1,35 @@
+//! The files of a picture: EXR and PNG, or PNG alone.
+
+use std::path::Path;
+
+use nst_files::output::{Kind, Name, OutputFile, Outputs, commit};
+
+use crate::{args::has_extension, error::Error};
+
+/// Where a picture goes. All of it is there at the end, or nothing.
+pub(super) struct PictureFiles {
+    /// Left out if the user asked for a PNG.
+    pub(super) exr: Option<OutputFile>,
+    pub(super) png: OutputFile,
+}
+
+impl PictureFiles {
+    /// Opens the file of this name, which ends in .exr or .png; a PNG stands beside an EXR.
+    pub(super) fn open(outputs: &mut Outputs, path: &Path, name: Name) -> Result<Self, Error> {
+        if has_extension(path, "png") {
+            return Ok(Self { exr: None, png: outputs.open(path, Kind::Png, name)? });
+        }
+        let exr = outputs.open(path, Kind::Picture, name)?;
+        // The program chose this name, not the user.
+        let png = outputs.open(&path.with_extension("png"), Kind::Png, Name::Default)?;
+        Ok(Self { exr: Some(exr), png })
+    }
+
+    /// Puts the files in their places; returns their paths.
+    pub(super) fn commit(self) -> Result<Vec<String>, Error> {
+        let files: Vec<_> = self.exr.into_iter().chain([self.png]).collect();
+        let paths = files.iter().map(|file| file.path().display().to_string()).collect();
+        commit(files)?;
+        Ok(paths)
+    }
+}
