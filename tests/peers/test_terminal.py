@@ -21,7 +21,7 @@ def check(recording: Recording, columns: int) -> None:
     lines = [line for _, line in recording.lines()]
     assert all(len(line) <= columns for line in lines), max(lines, key=len)
     shown = ["reading", "scene", "film", "building", "render", "transforming", "transform"]
-    assert steps(recording)[:7] == shown
+    assert [step for step in steps(recording) if step in shown] == shown
     bars = [line for line in lines if line.endswith("left")]
     assert bars and all(re.search(r"\d+ %, (\d+|\?) \w+.* left$", bar) for bar in bars)
 

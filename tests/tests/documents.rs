@@ -164,7 +164,7 @@ fn the_overview_of_the_stability_page_is_the_suites() {
     let regimes: BTreeSet<_> = suite.0.iter().map(|row| &row["regime"]).collect();
     assert!(rows[1..].iter().map(|row| &row[0]).eq(suite_order(&suite)));
     assert_eq!(rows.len() - 1, regimes.len());
-    assert!(METHODS.iter().all(|method| rows[0].iter().any(|head| head == method)));
+    assert!(METHODS.iter().all(|(method, _)| rows[0].iter().any(|head| head == method)));
     check(&quotes, 300, FOUR_DIGITS);
 }
 
