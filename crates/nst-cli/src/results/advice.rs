@@ -12,7 +12,7 @@ use super::{
 /// wins: a sentence.
 pub(crate) fn advice(results: &Results, metric: Metric) -> String {
     let curves = results.curves(metric);
-    let measured = |curve: &&Curve| !curve.places().is_empty();
+    let measured = |curve: &&Curve| curve.times().next().is_some();
     let others: Vec<&Curve> = curves.others().filter(measured).collect();
     let plain = curves.plain().filter(measured);
     match (plain, &others[..]) {
@@ -33,12 +33,7 @@ pub(crate) fn advice(results: &Results, metric: Metric) -> String {
 pub(crate) fn budgets(curves: &Curves) -> Vec<f64> {
     let Some(plain) = curves.plain() else { return Vec::new() };
     let duels = Duels { plain, others: curves.others().collect(), metric: curves.metric };
-    let knots = duels.knots();
-    let (Some(&first), Some(&last)) = (knots.first(), knots.last()) else { return Vec::new() };
-    let decades = first.log10().floor() as i32..=last.log10().ceil() as i32;
-    let round = decades.flat_map(|power| [1.0, 2.0, 5.0].map(|digit| digit * 10_f64.powi(power)));
-    let round: Vec<f64> = round.filter(|&time| duels.best_other(time).is_some()).collect();
-    if round.is_empty() { vec![knots[knots.len() / 2]] } else { round }
+    duels.budgets(&duels.knots())
 }
 
 /// Why there is nothing to compare.
@@ -63,7 +58,7 @@ impl<'a> Duels<'a> {
     /// two of them all logarithms are linear, so that who wins between wins at one of them too.
     fn knots(&self) -> Vec<f64> {
         let all = self.others.iter().chain([&self.plain]);
-        let mut times: Vec<f64> = all.flat_map(|it| it.places()).map(|place| place.0).collect();
+        let mut times: Vec<f64> = all.flat_map(|it| it.times()).collect();
         times.sort_by(f64::total_cmp);
         times.dedup();
         times.retain(|&time| self.best_other(time).is_some());
@@ -82,13 +77,21 @@ impl<'a> Duels<'a> {
         self.best_other(time).filter(|(_, error, plain)| error < plain)
     }
 
+    /// As [`budgets`].
+    fn budgets(&self, knots: &[f64]) -> Vec<f64> {
+        let (Some(first), Some(last)) = (knots.first(), knots.last()) else { return Vec::new() };
+        let decades = first.log10().floor() as i32..=last.log10().ceil() as i32;
+        let round =
+            decades.flat_map(|power| [1.0, 2.0, 5.0].map(|digit| digit * 10_f64.powi(power)));
+        let round: Vec<f64> = round.filter(|&time| self.best_other(time).is_some()).collect();
+        if round.is_empty() { vec![knots[knots.len() / 2]] } else { round }
+    }
+
     fn sentence(&self, knots: &[f64]) -> String {
         let wins = |times: &[f64]| -> Vec<f64> {
             times.iter().copied().filter(|&time| self.winner(time).is_some()).collect()
         };
-        let curves = [self.plain].into_iter().chain(self.others.iter().copied()).cloned();
-        let curves = Curves { metric: self.metric, curves: curves.collect() };
-        let round = wins(&budgets(&curves));
+        let round = wins(&self.budgets(knots));
         let won = if round.is_empty() { wins(knots) } else { round };
         let Some(&budget) = won.get(won.len() / 2) else {
             let [from, to] = [knots[0], knots[knots.len() - 1]].map(seconds);

@@ -1,5 +1,7 @@
 //! Errors against time: the Pareto front, and methods at equal time.
 
+use std::cmp::Ordering;
+
 use super::{metric::Metric, row::PLAIN, summary::Summary};
 
 /// A method at one sample count.
@@ -31,6 +33,8 @@ pub(crate) struct Curve {
     pub(crate) method: String,
     /// At least one; from the fewest samples per pixel.
     pub(crate) points: Vec<Point>,
+    /// The points with a place, from the fastest; of those that take the same time, the best.
+    placed: Vec<(f64, Point)>,
 }
 
 /// All methods that were measured, in the order of the table.
@@ -42,7 +46,7 @@ pub(crate) struct Curves {
 
 impl Curves {
     pub(super) fn of(summaries: &[Summary], metric: Metric) -> Self {
-        let mut curves: Vec<Curve> = Vec::new();
+        let mut methods: Vec<(&str, Vec<Point>)> = Vec::new();
         for summary in summaries {
             let Some(error) = summary.error(metric) else { continue };
             let point = Point {
@@ -52,19 +56,19 @@ impl Curves {
                 interval: error.interval,
                 on_front: false,
             };
-            match curves.last_mut().filter(|curve| curve.method == summary.method) {
-                Some(curve) => curve.points.push(point),
-                None => curves.push(Curve { method: summary.method.clone(), points: vec![point] }),
+            match methods.last_mut().filter(|(method, _)| *method == summary.method) {
+                Some((_, points)) => points.push(point),
+                None => methods.push((&summary.method, vec![point])),
             }
         }
-        let mut points: Vec<&mut Point> =
-            curves.iter_mut().flat_map(|curve| &mut curve.points).collect();
-        points.retain(|point| point.place().is_some());
-        let places: Vec<_> = points.iter().filter_map(|point| point.place()).collect();
+        let all = methods.iter_mut().flat_map(|(_, points)| points);
+        let mut placed: Vec<&mut Point> = all.filter(|point| point.place().is_some()).collect();
+        let places: Vec<_> = placed.iter().filter_map(|point| point.place()).collect();
         for i in front(&places) {
-            points[i].on_front = true;
+            placed[i].on_front = true;
         }
-        Self { metric, curves }
+        let curves = methods.into_iter().map(|(method, points)| Curve::new(method, points));
+        Self { metric, curves: curves.collect() }
     }
 
     /// The plain estimate, if it was measured.
@@ -79,26 +83,18 @@ impl Curves {
 }
 
 impl Curve {
-    /// The points whose time and error are above 0, from the fastest; where several take the
-    /// same time, the best of them.
-    fn placed(&self) -> Vec<((f64, f64), &Point)> {
-        let mut placed: Vec<_> =
-            self.points.iter().filter_map(|point| Some((point.place()?, point))).collect();
-        placed.sort_by(|(a, _), (b, _)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        placed.dedup_by_key(|(place, _)| place.0);
-        placed
+    fn new(method: &str, points: Vec<Point>) -> Self {
+        let mut placed: Vec<_> = points.iter().filter(|point| point.place().is_some()).collect();
+        let place = |point: &Point| point.place().unwrap_or_default();
+        placed.sort_by(|a, b| order(place(a), place(b)));
+        placed.dedup_by_key(|point| point.seconds);
+        let placed = placed.into_iter().map(|point| (place(point).0, *point)).collect();
+        Self { method: method.to_owned(), points, placed }
     }
 
-    /// Seconds and error of the points where both are above 0, from the fastest; where several
-    /// take the same time, the best of them.
-    pub(crate) fn places(&self) -> Vec<(f64, f64)> {
-        self.placed().into_iter().map(|(place, _)| place).collect()
-    }
-
-    /// The times that were measured, the shortest and the longest.
-    pub(crate) fn span(&self) -> Option<[f64; 2]> {
-        let places = self.places();
-        Some([places.first()?.0, places.last()?.0])
+    /// The measured times at which the error is above 0, from the shortest, each once.
+    pub(crate) fn times(&self) -> impl Iterator<Item = f64> {
+        self.placed.iter().map(|(seconds, _)| *seconds)
     }
 
     /// The error for a budget of time: linear in the logarithms between measured points, and
@@ -116,32 +112,31 @@ impl Curve {
     }
 
     fn at(&self, seconds: f64, value: impl Fn(&Point) -> Option<f64>) -> Option<f64> {
-        let placed = self.placed();
-        if let Some((_, point)) = placed.iter().find(|(place, _)| place.0 == seconds) {
-            return value(point);
+        let after = self.placed.partition_point(|(time, _)| *time < seconds);
+        let (late_time, late) = self.placed.get(after)?;
+        if *late_time == seconds {
+            return value(late);
         }
-        let between =
-            |pair: &&[((f64, f64), &Point)]| pair[0].0.0 < seconds && seconds < pair[1].0.0;
-        let pair = placed.windows(2).find(between)?;
-        let [(before, after), (early, late)] =
-            [(pair[0].0.0, pair[1].0.0), (value(pair[0].1)?, value(pair[1].1)?)];
-        let share = (seconds / before).ln() / (after / before).ln();
+        let (early_time, early) = self.placed.get(after.checked_sub(1)?)?;
+        let (early, late) = (value(early)?, value(late)?);
+        let share = (seconds / early_time).ln() / (late_time / early_time).ln();
         Some(early * (late / early).powf(share))
     }
+}
+
+/// From the fastest, and then from the smallest error.
+fn order(a: (f64, f64), b: (f64, f64)) -> Ordering {
+    a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))
 }
 
 /// Which of the points (time, error) no other one dominates: none is at most as large in both,
 /// and smaller in one. All numbers must be finite.
 pub(crate) fn front(points: &[(f64, f64)]) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..points.len()).collect();
-    let key = |&i: &usize| points[i];
-    order.sort_by(|a, b| {
-        let (a, b) = (key(a), key(b));
-        a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))
-    });
+    let mut sorted: Vec<usize> = (0..points.len()).collect();
+    sorted.sort_by(|&a, &b| order(points[a], points[b]));
     let mut front: Vec<usize> = Vec::new();
-    for i in order {
-        let last = front.last().map(key);
+    for i in sorted {
+        let last = front.last().map(|&last| points[last]);
         // Equal points do not dominate each other.
         if last.is_none_or(|last| points[i].1 < last.1 || points[i] == last) {
             front.push(i);
@@ -165,7 +160,7 @@ mod tests {
             interval: None,
             on_front: false,
         };
-        Curve { method: "m".into(), points: places.iter().enumerate().map(point).collect() }
+        Curve::new("m", places.iter().enumerate().map(point).collect())
     }
 
     #[test]
@@ -180,23 +175,24 @@ mod tests {
         for beyond in [0.99, 16.01, 0.0, f64::NAN] {
             assert_eq!(curve.error_at(beyond), None, "{beyond}");
         }
-        assert_eq!(curve.span(), Some([1.0, 16.0]));
+        assert!(curve.times().eq([1.0, 4.0, 16.0]));
     }
 
     #[test]
     fn points_that_take_the_same_time() {
         let twice = curve(&[(1.0, 3.0), (1.0, 2.0), (4.0, 1.0)]);
-        assert_eq!((twice.error_at(1.0), twice.places().len()), (Some(2.0), 2));
+        assert_eq!((twice.error_at(1.0), twice.times().count()), (Some(2.0), 2));
         assert_eq!(curve(&[(1.0, 3.0)]).error_at(1.0), Some(3.0));
-        assert_eq!(curve(&[(1.0, -3.0)]).span(), None);
+        assert_eq!(curve(&[(1.0, -3.0)]).times().count(), 0);
     }
 
     #[test]
     fn intervals_at_equal_time() {
-        let mut curve = curve(&[(1.0, 4.0), (4.0, 1.0)]);
-        assert_eq!(curve.interval_at(2.0), None);
-        curve.points[0].interval = Some([-1.0, 16.0]);
-        curve.points[1].interval = Some([0.5, 4.0]);
+        let mut points = curve(&[(1.0, 4.0), (4.0, 1.0)]).points;
+        assert_eq!(Curve::new("m", points.clone()).interval_at(2.0), None);
+        points[0].interval = Some([-1.0, 16.0]);
+        points[1].interval = Some([0.5, 4.0]);
+        let curve = Curve::new("m", points);
         let [low, high] = curve.interval_at(2.0).expect("between measured points");
         assert!(low > 0.0 && low < 1e-100 && (high - 8.0).abs() < 1e-12, "{low} {high}");
     }
