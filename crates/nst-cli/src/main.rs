@@ -15,6 +15,8 @@ mod interrupt;
 mod method;
 mod progress;
 mod report;
+#[allow(dead_code, unused_imports, reason = "the commands that use it come next")]
+mod results;
 mod summary;
 mod system;
 mod words;

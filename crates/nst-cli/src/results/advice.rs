@@ -1,0 +1,190 @@
+//! One sentence for users: which method for which budget of time.
+
+use super::{
+    curves::{Curve, Curves},
+    metric::Metric,
+    read::Results,
+    row::PLAIN,
+    text::{number, seconds},
+};
+
+/// Which method to pick for a budget of time on this scene, and from where on plain sampling
+/// wins: a sentence.
+pub(crate) fn advice(results: &Results, metric: Metric) -> String {
+    let curves = results.curves(metric);
+    let measured = |curve: &&Curve| curve.times().next().is_some();
+    let others: Vec<&Curve> = curves.others().filter(measured).collect();
+    let plain = curves.plain().filter(measured);
+    match (plain, &others[..]) {
+        (None, []) => nothing(results, metric),
+        (None, _) => "Plain sampling was not measured; nothing can be compared with it.".to_owned(),
+        (Some(_), []) => "Only plain sampling was measured; there is nothing to choose.".to_owned(),
+        (Some(plain), _) => {
+            let duels = Duels { plain, others, metric };
+            let knots = duels.knots();
+            if knots.is_empty() { duels.same_count() } else { duels.sentence(&knots) }
+        }
+    }
+}
+
+/// Budgets of time for which methods can be compared: round numbers (1, 2, 5, 10, …) at which
+/// the plain estimate and another method were measured, from the smallest. If there are none,
+/// a time in the middle.
+pub(crate) fn budgets(curves: &Curves) -> Vec<f64> {
+    let Some(plain) = curves.plain() else { return Vec::new() };
+    let duels = Duels { plain, others: curves.others().collect(), metric: curves.metric };
+    duels.budgets(&duels.knots())
+}
+
+/// Why there is nothing to compare.
+fn nothing(results: &Results, metric: Metric) -> String {
+    let failure = results.rows().iter().find_map(|row| Some((&row.method, row.failure.as_ref()?)));
+    let name = metric.name();
+    match failure {
+        Some((method, why)) => format!("No {name} was measured; '{method}' failed: {why}"),
+        None => format!("No {name} and time above 0 were measured."),
+    }
+}
+
+/// The plain estimate against each of the others.
+struct Duels<'a> {
+    plain: &'a Curve,
+    others: Vec<&'a Curve>,
+    metric: Metric,
+}
+
+impl<'a> Duels<'a> {
+    /// The measured times at which the plain estimate and another method have an error. Between
+    /// two of them all logarithms are linear, so that who wins between wins at one of them too.
+    fn knots(&self) -> Vec<f64> {
+        let all = self.others.iter().chain([&self.plain]);
+        let mut times: Vec<f64> = all.flat_map(|it| it.times()).collect();
+        times.sort_by(f64::total_cmp);
+        times.dedup();
+        times.retain(|&time| self.best_other(time).is_some());
+        times
+    }
+
+    /// The best of the other methods, its error, and the plain estimate's, if both are known.
+    fn best_other(&self, time: f64) -> Option<(&'a Curve, f64, f64)> {
+        let plain = self.plain.error_at(time)?;
+        let others = self.others.iter().filter_map(|it| Some((*it, it.error_at(time)?, plain)));
+        others.min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    /// The best of the other methods, if it wins.
+    fn winner(&self, time: f64) -> Option<(&'a Curve, f64, f64)> {
+        self.best_other(time).filter(|(_, error, plain)| error < plain)
+    }
+
+    /// As [`budgets`].
+    fn budgets(&self, knots: &[f64]) -> Vec<f64> {
+        let (Some(first), Some(last)) = (knots.first(), knots.last()) else { return Vec::new() };
+        let decades = first.log10().floor() as i32..=last.log10().ceil() as i32;
+        let round =
+            decades.flat_map(|power| [1.0, 2.0, 5.0].map(|digit| digit * 10_f64.powi(power)));
+        let round: Vec<f64> = round.filter(|&time| self.best_other(time).is_some()).collect();
+        if round.is_empty() { vec![knots[knots.len() / 2]] } else { round }
+    }
+
+    fn sentence(&self, knots: &[f64]) -> String {
+        let wins = |times: &[f64]| -> Vec<f64> {
+            times.iter().copied().filter(|&time| self.winner(time).is_some()).collect()
+        };
+        let round = wins(&self.budgets(knots));
+        let won = if round.is_empty() { wins(knots) } else { round };
+        let Some(&budget) = won.get(won.len() / 2) else {
+            let [from, to] = [knots[0], knots[knots.len() - 1]].map(seconds);
+            let when = if from == to { format!("{from},") } else { format!("{from} to {to},") };
+            return format!(
+                "On this scene, pick plain sampling: for budgets of {when} no other method has a \
+                 lower {} at equal time.",
+                self.metric.name()
+            );
+        };
+        let (method, error, plain) = self.winner(budget).expect("it was chosen for that");
+        format!(
+            "For a budget of {} on this scene, pick '{}': its {} is {}, {} of the plain \
+             estimate's at equal time{}; {}.",
+            seconds(budget),
+            method.method,
+            self.metric.name(),
+            number(error, 2),
+            number(error / plain, 2),
+            self.doubt(method, budget),
+            self.end()
+        )
+    }
+
+    /// A remark if the difference may be chance.
+    fn doubt(&self, method: &Curve, budget: f64) -> &'static str {
+        let intervals = method.interval_at(budget).zip(self.plain.interval_at(budget));
+        match intervals {
+            Some((method, plain)) if method[1] >= plain[0] => " (their 95 % intervals overlap)",
+            _ => "",
+        }
+    }
+
+    /// From where on plain sampling wins; there must be a method that wins somewhere.
+    fn end(&self) -> String {
+        let ends = self.others.iter().filter_map(|it| Some((*it, self.last_win(it)?)));
+        let (method, (time, crossed)) = ends
+            .max_by(|(_, a), (_, b)| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)))
+            .expect("a method wins");
+        if crossed {
+            format!("from {} on, plain sampling wins", seconds(time))
+        } else {
+            format!(
+                "at {}, the longest time compared, '{}' is still ahead of plain sampling",
+                seconds(time),
+                method.method
+            )
+        }
+    }
+
+    /// The last time at which a method wins, and whether it loses after it; `None` if it never
+    /// wins.
+    fn last_win(&self, method: &Curve) -> Option<(f64, bool)> {
+        let duel = Duels { plain: self.plain, others: vec![method], metric: self.metric };
+        let knots = duel.knots();
+        // Below 0 where the method wins.
+        let gap = |time: f64| duel.best_other(time).map(|(_, error, plain)| (error / plain).ln());
+        let last = knots.iter().rposition(|&time| gap(time).is_some_and(|gap| gap < 0.0))?;
+        let Some(&next) = knots.get(last + 1) else { return Some((knots[last], false)) };
+        let (won, lost) = (gap(knots[last])?, gap(next)?);
+        let share = won / (won - lost);
+        Some((knots[last] * (next / knots[last]).powf(share), true))
+    }
+
+    /// For methods that no time was measured of which both have an error.
+    fn same_count(&self) -> String {
+        let pairs = self.others.iter().flat_map(|other| {
+            let plain = |spp| self.plain.points.iter().find(move |plain| plain.spp == spp);
+            other.points.iter().filter_map(move |point| {
+                let (place, plain) = (point.place()?, plain(point.spp)?.place()?);
+                Some((other, point.spp, place, plain))
+            })
+        });
+        let metric = self.metric.name();
+        let more = "measure more sample counts to compare at equal time";
+        let best = pairs.min_by(|a, b| (a.2.1 / a.3.1).total_cmp(&(b.2.1 / b.3.1)));
+        match best {
+            Some((other, spp, place, plain)) if place.1 < plain.1 => format!(
+                "At {spp} spp '{}' has the lowest {metric}, {} of the plain estimate's, in {} times \
+                 its time; {more}.",
+                other.method,
+                number(place.1 / plain.1, 2),
+                number(place.0 / plain.0, 2)
+            ),
+            Some((_, spp, ..)) => {
+                format!(
+                    "At {spp} spp no method has a lower {metric} than the plain estimate; {more}."
+                )
+            }
+            None => format!("No time was measured both of '{PLAIN}' and another method; {more}."),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,144 @@
+use super::*;
+use crate::results::Row;
+
+/// A method: its name; samples per pixel, seconds and MSE of its points.
+type Points<'a> = (&'a str, &'a [(u32, f64, f64)]);
+
+/// A table of methods by their points.
+fn table(methods: &[Points]) -> Results {
+    let rows = methods.iter().flat_map(|(method, points)| {
+        points.iter().map(|&(spp, seconds, mse)| Row {
+            method: (*method).to_owned(),
+            spp,
+            mse: Some(mse),
+            total_seconds: Some(seconds),
+            ..Row::default()
+        })
+    });
+    Results::of(rows).expect("rows that fit together")
+}
+
+/// MSE 1 / t from 1 to 100 s.
+const PLAIN_POINTS: Points = ("none", &[(8, 1.0, 1.0), (80, 10.0, 0.1), (800, 100.0, 0.01)]);
+
+fn says(methods: &[Points], expected: &str) {
+    assert_eq!(advice(&table(methods), Metric::Mse), expected);
+}
+
+#[test]
+fn a_method_that_plain_sampling_overtakes() {
+    // Its logarithm falls by 1 and then by 0 over a decade each: it crosses the plain
+    // estimate's, which falls by 1 in each, half of a decade after 10 s.
+    let biased =
+        [(8, 1.0, 0.316_227_766), (80, 10.0, 0.031_622_776_6), (800, 100.0, 0.031_622_776_6)];
+    says(
+        &[PLAIN_POINTS, ("biased", &biased)],
+        "For a budget of 5 s on this scene, pick 'biased': its MSE is 0.063, 0.32 of the plain \
+         estimate's at equal time; from 32 s on, plain sampling wins.",
+    );
+    // Another one that ends earlier, behind: no change. One that leads then: it is named.
+    let behind = [(8, 1.0, 2.0), (80, 10.0, 1.0)];
+    let found = advice(&table(&[PLAIN_POINTS, ("biased", &biased), ("b", &behind)]), Metric::Mse);
+    assert!(found.contains("pick 'biased'") && found.contains("from 32 s on, plain"), "{found}");
+    let ahead = [(80, 9.0, 0.05), (800, 90.0, 0.005)];
+    let found = advice(&table(&[PLAIN_POINTS, ("biased", &biased), ("b", &ahead)]), Metric::Mse);
+    assert!(found.contains("at 90 s, the longest time compared, 'b' is still ahead"), "{found}");
+}
+
+#[test]
+fn a_method_that_stays_ahead() {
+    let half = [(8, 1.1, 0.45), (80, 10.1, 0.045), (800, 100.1, 0.0045)];
+    says(
+        &[("half", &half), PLAIN_POINTS],
+        "For a budget of 20 s on this scene, pick 'half': its MSE is 0.023, 0.45 of the plain \
+         estimate's at equal time; at 100 s, the longest time compared, 'half' is still ahead of \
+         plain sampling.",
+    );
+}
+
+#[test]
+fn plain_sampling_is_best() {
+    let slow = [(8, 2.0, 0.9), (80, 20.0, 0.09), (800, 200.0, 0.009)];
+    says(
+        &[PLAIN_POINTS, ("slow", &slow)],
+        "On this scene, pick plain sampling: for budgets of 2 s to 100 s, no other method has a \
+         lower MSE at equal time.",
+    );
+    // The same error in the same time is no gain.
+    let found = advice(&table(&[PLAIN_POINTS, ("same", PLAIN_POINTS.1)]), Metric::Mse);
+    assert!(found.contains("pick plain sampling"), "{found}");
+}
+
+#[test]
+fn one_sample_count() {
+    says(
+        &[("none", &[(8, 1.0, 1.0)]), ("a", &[(8, 1.5, 0.5)]), ("b", &[(8, 1.1, 0.75)])],
+        "At 8 spp 'a' has the lowest MSE, 0.5 of the plain estimate's, in 1.5 times its time; \
+         measure more sample counts to compare at equal time.",
+    );
+    says(
+        &[("none", &[(8, 1.0, 1.0)]), ("a", &[(8, 1.5, 1.5)])],
+        "At 8 spp no method has a lower MSE than the plain estimate; measure more sample counts to \
+         compare at equal time.",
+    );
+    says(
+        &[("none", &[(8, 1.0, 1.0)]), ("a", &[(16, 2.0, 1.5)])],
+        "No time was measured both of 'none' and another method; measure more sample counts to \
+         compare at equal time.",
+    );
+}
+
+#[test]
+fn nothing_to_compare() {
+    says(&[PLAIN_POINTS], "Only plain sampling was measured; there is nothing to choose.");
+    says(
+        &[("a", PLAIN_POINTS.1)],
+        "Plain sampling was not measured; nothing can be compared with it.",
+    );
+    let all_failed = |failure: Option<&str>| {
+        let failure = failure.map(str::to_owned);
+        let row = Row { method: "oidn".into(), failure, ..Row::default() };
+        advice(&Results::of([row]).expect("a row"), Metric::Mse)
+    };
+    assert_eq!(
+        all_failed(Some("its picture is missing.")),
+        "No MSE was measured; 'oidn' failed: its picture is missing."
+    );
+    assert_eq!(all_failed(None), "No MSE and time above 0 were measured.");
+    // Zero by chance.
+    says(&[("none", &[(8, 1.0, 0.0)])], "No MSE and time above 0 were measured.");
+}
+
+#[test]
+fn differences_that_may_be_chance() {
+    let rows = |mse: f64, method: &str, run: u32| {
+        [(8, 1.0, 1.0), (800, 100.0, 0.01)].map(|(spp, seconds, error)| Row {
+            method: method.to_owned(),
+            spp,
+            run,
+            mse: Some(error * mse),
+            total_seconds: Some(seconds),
+            ..Row::default()
+        })
+    };
+    let sentence = |factor: f64| {
+        let runs = [1.0, 1.1, 1.2].into_iter().zip(0..);
+        let all = runs.flat_map(|(mse, run)| {
+            [rows(mse, "none", run), rows(factor * mse, "a", run)].into_iter().flatten()
+        });
+        advice(&Results::of(all).expect("rows that fit together"), Metric::Mse)
+    };
+    assert!(sentence(0.9).contains("equal time (their 95 % intervals overlap);"));
+    assert!(sentence(0.2).contains("equal time;"));
+}
+
+#[test]
+fn budgets_are_round() {
+    let found = |methods: &[Points]| budgets(&table(methods).curves(Metric::Mse));
+    let a = ("a", &[(8, 1.5, 1.0), (80, 11.0, 0.1)][..]);
+    assert_eq!(found(&[PLAIN_POINTS, a]), [2.0, 5.0, 10.0]);
+    let narrow = ("a", &[(8, 11.0, 1.0), (80, 12.0, 0.1)][..]);
+    assert_eq!(found(&[PLAIN_POINTS, narrow]), [12.0]);
+    assert!(found(&[PLAIN_POINTS]).is_empty());
+    assert!(found(&[a]).is_empty());
+}

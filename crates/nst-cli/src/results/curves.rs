@@ -1,0 +1,266 @@
+//! Errors against time: the Pareto front, and methods at equal time.
+
+use std::cmp::Ordering;
+
+use super::{metric::Metric, row::PLAIN, summary::Summary};
+
+/// A method at one sample count.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Point {
+    /// Samples per pixel.
+    pub(crate) spp: u32,
+    /// Seconds of the whole job: the median over the runs; `None` if they are not known.
+    pub(crate) seconds: Option<f64>,
+    /// The mean error over the runs; 0 and less by chance, where it is too small to be measured.
+    pub(crate) error: f64,
+    /// The 95 % interval of the error, for more than one run.
+    pub(crate) interval: Option<[f64; 2]>,
+    /// Whether no point of any method is as good in time and error, and better in one of them.
+    pub(crate) on_front: bool,
+}
+
+impl Point {
+    /// Seconds and error, if both are above 0.
+    pub(crate) fn place(&self) -> Option<(f64, f64)> {
+        let seconds = self.seconds?;
+        (seconds > 0.0 && self.error > 0.0).then_some((seconds, self.error))
+    }
+}
+
+/// A method at all sample counts at which it was measured.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Curve {
+    pub(crate) method: String,
+    /// At least one; from the fewest samples per pixel.
+    pub(crate) points: Vec<Point>,
+    /// The points with a place, from the fastest; of those that take the same time, the best.
+    placed: Vec<(f64, Point)>,
+}
+
+/// All methods that were measured, in the order of the table.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Curves {
+    pub(crate) metric: Metric,
+    pub(crate) curves: Vec<Curve>,
+}
+
+impl Curves {
+    pub(super) fn of(summaries: &[Summary], metric: Metric) -> Self {
+        let mut methods: Vec<(&str, Vec<Point>)> = Vec::new();
+        for summary in summaries {
+            let Some(error) = summary.error(metric) else { continue };
+            let point = Point {
+                spp: summary.spp,
+                seconds: summary.seconds.total,
+                error: error.mean,
+                interval: error.interval,
+                on_front: false,
+            };
+            match methods.last_mut().filter(|(method, _)| *method == summary.method) {
+                Some((_, points)) => points.push(point),
+                None => methods.push((&summary.method, vec![point])),
+            }
+        }
+        let all = methods.iter_mut().flat_map(|(_, points)| points);
+        let mut placed: Vec<&mut Point> = all.filter(|point| point.place().is_some()).collect();
+        let places: Vec<_> = placed.iter().filter_map(|point| point.place()).collect();
+        for i in front(&places) {
+            placed[i].on_front = true;
+        }
+        let curves = methods.into_iter().map(|(method, points)| Curve::new(method, points));
+        Self { metric, curves: curves.collect() }
+    }
+
+    /// The plain estimate, if it was measured.
+    pub(crate) fn plain(&self) -> Option<&Curve> {
+        self.curves.iter().find(|curve| curve.method == PLAIN)
+    }
+
+    /// All other methods.
+    pub(crate) fn others(&self) -> impl Iterator<Item = &Curve> {
+        self.curves.iter().filter(|curve| curve.method != PLAIN)
+    }
+}
+
+impl Curve {
+    fn new(method: &str, points: Vec<Point>) -> Self {
+        let mut placed: Vec<_> = points.iter().filter(|point| point.place().is_some()).collect();
+        let place = |point: &Point| point.place().unwrap_or_default();
+        placed.sort_by(|a, b| order(place(a), place(b)));
+        placed.dedup_by_key(|point| point.seconds);
+        let placed = placed.into_iter().map(|point| (place(point).0, *point)).collect();
+        Self { method: method.to_owned(), points, placed }
+    }
+
+    /// The measured times at which the error is above 0, from the shortest, each once.
+    pub(crate) fn times(&self) -> impl Iterator<Item = f64> {
+        self.placed.iter().map(|(seconds, _)| *seconds)
+    }
+
+    /// The error for a budget of time: linear in the logarithms between measured points, and
+    /// `None` beyond them.
+    pub(crate) fn error_at(&self, seconds: f64) -> Option<f64> {
+        self.at(seconds, |point| Some(point.error))
+    }
+
+    /// The ends of the 95 % interval for a budget of time, as [`Self::error_at`].
+    pub(crate) fn interval_at(&self, seconds: f64) -> Option<[f64; 2]> {
+        // The interval of a small error may reach below 0, which has no logarithm.
+        let end =
+            |i: usize| self.at(seconds, |point| Some(point.interval?[i].max(f64::MIN_POSITIVE)));
+        Some([end(0)?, end(1)?])
+    }
+
+    fn at(&self, seconds: f64, value: impl Fn(&Point) -> Option<f64>) -> Option<f64> {
+        let after = self.placed.partition_point(|(time, _)| *time < seconds);
+        let (late_time, late) = self.placed.get(after)?;
+        if *late_time == seconds {
+            return value(late);
+        }
+        let (early_time, early) = self.placed.get(after.checked_sub(1)?)?;
+        let (early, late) = (value(early)?, value(late)?);
+        let share = (seconds / early_time).ln() / (late_time / early_time).ln();
+        Some(early * (late / early).powf(share))
+    }
+}
+
+/// From the fastest, and then from the smallest error.
+fn order(a: (f64, f64), b: (f64, f64)) -> Ordering {
+    a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))
+}
+
+/// Which of the points (time, error) no other one dominates: none is at most as large in both,
+/// and smaller in one. All numbers must be finite.
+pub(crate) fn front(points: &[(f64, f64)]) -> Vec<usize> {
+    let mut sorted: Vec<usize> = (0..points.len()).collect();
+    sorted.sort_by(|&a, &b| order(points[a], points[b]));
+    let mut front: Vec<usize> = Vec::new();
+    for i in sorted {
+        let last = front.last().map(|&last| points[last]);
+        // Equal points do not dominate each other.
+        if last.is_none_or(|last| points[i].1 < last.1 || points[i] == last) {
+            front.push(i);
+        }
+    }
+    front
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::{prelude::*, test_runner::RngSeed};
+
+    use super::*;
+    use crate::results::Row;
+
+    fn curve(places: &[(f64, f64)]) -> Curve {
+        let point = |(i, &(seconds, error)): (usize, &(f64, f64))| Point {
+            spp: 1 << i,
+            seconds: Some(seconds),
+            error,
+            interval: None,
+            on_front: false,
+        };
+        Curve::new("m", places.iter().enumerate().map(point).collect())
+    }
+
+    #[test]
+    fn errors_at_equal_time_by_hand() {
+        // The error falls as t⁻², then as t⁻¹; the order of the points does not matter.
+        let curve = curve(&[(4.0, 1.0), (1.0, 16.0), (16.0, 0.25), (9.0, -1.0)]);
+        for (seconds, expected) in [(1.0, 16.0), (2.0, 4.0), (4.0, 1.0), (8.0, 0.5), (16.0, 0.25)] {
+            let error = curve.error_at(seconds).expect("between measured points");
+            assert!((error - expected).abs() < 1e-12, "{seconds}: {error}");
+        }
+        assert!(curve.error_at(2.1).is_some_and(|error| (error - 4.0).abs() > 0.1));
+        for beyond in [0.99, 16.01, 0.0, f64::NAN] {
+            assert_eq!(curve.error_at(beyond), None, "{beyond}");
+        }
+        assert!(curve.times().eq([1.0, 4.0, 16.0]));
+    }
+
+    #[test]
+    fn points_that_take_the_same_time() {
+        let twice = curve(&[(1.0, 3.0), (1.0, 2.0), (4.0, 1.0)]);
+        assert_eq!((twice.error_at(1.0), twice.times().count()), (Some(2.0), 2));
+        assert_eq!(curve(&[(1.0, 3.0)]).error_at(1.0), Some(3.0));
+        assert_eq!(curve(&[(1.0, -3.0)]).times().count(), 0);
+    }
+
+    #[test]
+    fn intervals_at_equal_time() {
+        let mut points = curve(&[(1.0, 4.0), (4.0, 1.0)]).points;
+        assert_eq!(Curve::new("m", points.clone()).interval_at(2.0), None);
+        points[0].interval = Some([-1.0, 16.0]);
+        points[1].interval = Some([0.5, 4.0]);
+        let curve = Curve::new("m", points);
+        let [low, high] = curve.interval_at(2.0).expect("between measured points");
+        assert!(low > 0.0 && low < 1e-100 && (high - 8.0).abs() < 1e-12, "{low} {high}");
+    }
+
+    #[test]
+    fn curves_of_a_table() {
+        let row = |method: &str, spp, mse, total_seconds| Row {
+            method: method.into(),
+            spp,
+            mse,
+            total_seconds,
+            ..Row::default()
+        };
+        let rows = [
+            row("none", 8, Some(4.0), Some(1.0)),
+            row("none", 16, Some(2.0), Some(2.0)),
+            row("a", 8, Some(2.0), Some(1.5)),
+            row("a", 16, None, None),
+            row("b", 8, None, Some(1.0)),
+            row("c", 8, Some(-1e-9), Some(0.1)),
+            row("d", 8, Some(1e-9), None),
+        ];
+        let curves = Curves::of(&Summary::all(&rows), Metric::Mse);
+        let names: Vec<_> = curves.curves.iter().map(|curve| &*curve.method).collect();
+        assert_eq!(names, ["none", "a", "c", "d"]);
+        let front = curves.curves.iter().flat_map(|curve| &curve.points);
+        let front: Vec<bool> = front.map(|point| point.on_front).collect();
+        assert_eq!(front, [true, false, true, false, false]);
+        assert_eq!(curves.others().count(), 3);
+        assert!(Curves::of(&Summary::all(&rows), Metric::Smape).plain().is_none());
+    }
+
+    fn dominates(a: (f64, f64), b: (f64, f64)) -> bool {
+        a.0 <= b.0 && a.1 <= b.1 && a != b
+    }
+
+    /// Whether nothing dominates the front, and something on it dominates all others.
+    fn is_front(points: &[(f64, f64)], front: &[usize]) -> bool {
+        (0..points.len()).all(|i| {
+            let by_any = points.iter().any(|&other| dominates(other, points[i]));
+            let by_front = front.iter().any(|&j| dominates(points[j], points[i]));
+            if front.contains(&i) { !by_any } else { by_front }
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            failure_persistence: None,
+            rng_seed: RngSeed::Fixed(1),
+            ..ProptestConfig::default()
+        })]
+        #[test]
+        fn the_front_is_what_nothing_dominates(
+            // Few values, so that many are equal.
+            points in prop::collection::vec((1_u8..8, 1_u8..8), 0..24)
+        ) {
+            let points: Vec<_> =
+                points.iter().map(|&(x, y)| (f64::from(x), f64::from(y))).collect();
+            let mut found = front(&points);
+            prop_assert!(is_front(&points, &found));
+            // The check sees a point too few, and one too many.
+            let rest = (0..points.len()).find(|i| !found.contains(i));
+            if let Some(extra) = rest {
+                prop_assert!(!is_front(&points, &[&found[..], &[extra]].concat()));
+            }
+            if found.pop().is_some() {
+                prop_assert!(!is_front(&points, &found));
+            }
+        }
+    }
+}
