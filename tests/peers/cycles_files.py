@@ -2,12 +2,12 @@
 
     python3.11 -m venv FOLDER
     FOLDER/bin/pip install -r tests/peers/requirements-cycles.txt
-    FOLDER/bin/python tests/peers/cycles_files.py fixtures   # those of tests/data/fixtures/cycles
+    FOLDER/bin/python tests/peers/cycles_files.py fixtures   # those of tests/data/cycles
     FOLDER/bin/python tests/peers/cycles_files.py seeds OUT  # sixteen seeds and a reference
     FOLDER/bin/python tests/peers/cycles_files.py kinds OUT  # two files of each kind of output
 
 `./test` does not run this: Blender as a Python module (`bpy`) is a download of 380 MB, and needs
-Python 3.11. What it wrote once is in `tests/data/fixtures/cycles`, which the tests read.
+Python 3.11. The tests read what it wrote once. It also works with `bpy` 4.2.0.
 
 The scene is our own: a cube and a sphere on a plane, below an area light. Settings that are not
 named here are Blender's defaults, which also choose the files' layout and attributes.
@@ -19,18 +19,20 @@ from pathlib import Path
 
 import bpy
 
-FIXTURES = Path(__file__).resolve().parents[1] / "data" / "fixtures" / "cycles"
-SEEDS, SPP = 16, 4
+FIXTURES = Path(__file__).resolve().parents[1] / "data" / "cycles"
+SEEDS, SPP, REFERENCE_SPP = 16, 16, 4096
+SIZE, FIXTURE_SIZE = (24, 16), (12, 8)
 
 
 def material(name: str, color: tuple[float, float, float]) -> bpy.types.Material:
     made = bpy.data.materials.new(name)
-    made.use_nodes = True
+    if made.node_tree is None:  # before Blender 5.0
+        made.use_nodes = True
     made.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (*color, 1.0)
     return made
 
 
-def build(size: tuple[int, int] = (24, 16)) -> bpy.types.Scene:
+def build(size: tuple[int, int]) -> bpy.types.Scene:
     """Replaces what is loaded by the scene, with the defaults for everything but its contents."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.mesh.primitive_plane_add(size=12)
@@ -58,15 +60,21 @@ def sampled(scene: bpy.types.Scene, spp: int) -> None:
 
 def multilayer(scene: bpy.types.Scene, depth: str = "32") -> None:
     """`OpenEXR MultiLayer`: every pass of every view layer in one file."""
-    scene.render.image_settings.media_type = "MULTI_LAYER_IMAGE"
-    scene.render.image_settings.color_depth = depth
+    settings = scene.render.image_settings
+    if bpy.app.version >= (5, 0, 0):
+        settings.media_type = "MULTI_LAYER_IMAGE"
+    else:
+        settings.file_format = "OPEN_EXR_MULTILAYER"
+    settings.color_depth = depth
 
 
 def plain(scene: bpy.types.Scene, depth: str = "32") -> None:
     """`OpenEXR`: the picture alone."""
-    scene.render.image_settings.media_type = "IMAGE"
-    scene.render.image_settings.file_format = "OPEN_EXR"
-    scene.render.image_settings.color_depth = depth
+    settings = scene.render.image_settings
+    if bpy.app.version >= (5, 0, 0):
+        settings.media_type = "IMAGE"
+    settings.file_format = "OPEN_EXR"
+    settings.color_depth = depth
 
 
 def passes(scene: bpy.types.Scene) -> None:
@@ -79,15 +87,6 @@ def write(scene: bpy.types.Scene, path: Path, seed: int) -> None:
     scene.cycles.seed = seed
     scene.render.filepath = str(path)
     bpy.ops.render.render(write_still=True)
-
-
-def write_seeds(out: Path, size: tuple[int, int], set_passes: Callable[[bpy.types.Scene], None]) -> None:
-    """Sixteen renderings with different seeds, `seed-00.exr` and so on."""
-    scene = build(size)
-    multilayer(scene)
-    set_passes(scene)
-    for seed in range(SEEDS):
-        write(scene, out / f"seed-{seed:02}.exr", seed)
 
 
 def half_float(scene: bpy.types.Scene) -> None:
@@ -171,7 +170,7 @@ def stereo(scene: bpy.types.Scene) -> None:
 
 def stereo_interleaved(scene: bpy.types.Scene) -> None:
     stereo(scene)
-    scene.render.image_settings.use_exr_interleave = True
+    interleave(scene)
 
 
 def stereo_alone(scene: bpy.types.Scene) -> None:
@@ -212,14 +211,20 @@ def light_groups(scene: bpy.types.Scene) -> None:
 def composited(scene: bpy.types.Scene) -> None:
     """With a compositor that inverts the picture: its result is a layer of its own."""
     multilayer(scene)
-    tree = bpy.data.node_groups.new("compositor", "CompositorNodeTree")
-    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    if bpy.app.version >= (5, 0, 0):
+        tree = bpy.data.node_groups.new("compositor", "CompositorNodeTree")
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        output = tree.nodes.new("NodeGroupOutput")
+        scene.compositing_node_group = tree
+    else:
+        scene.use_nodes = True
+        tree = scene.node_tree
+        tree.nodes.clear()
+        output = tree.nodes.new("CompositorNodeComposite")
     layers = tree.nodes.new("CompositorNodeRLayers")
     inverted = tree.nodes.new("CompositorNodeInvert")
-    output = tree.nodes.new("NodeGroupOutput")
     tree.links.new(layers.outputs["Image"], inverted.inputs["Color"])
     tree.links.new(inverted.outputs["Color"], output.inputs["Image"])
-    scene.compositing_node_group = tree
 
 
 def composited_alone(scene: bpy.types.Scene) -> None:
@@ -227,11 +232,16 @@ def composited_alone(scene: bpy.types.Scene) -> None:
     plain(scene)
 
 
+def interleave(scene: bpy.types.Scene) -> None:
+    """One part for all passes, as always before Blender 5.0."""
+    if bpy.app.version >= (5, 0, 0):
+        scene.render.image_settings.use_exr_interleave = True
+
+
 def interleaved(scene: bpy.types.Scene) -> None:
-    """One part for all passes, as before Blender 5.0: for programs that read no other."""
     multilayer(scene)
     passes(scene)
-    scene.render.image_settings.use_exr_interleave = True
+    interleave(scene)
 
 
 def named_layer(scene: bpy.types.Scene) -> None:
@@ -303,6 +313,42 @@ KINDS: dict[str, Callable[[bpy.types.Scene], None]] = {
     "acescg": acescg,
     "srgb": srgb,
 }
+# Those that are committed, of one seed each.
+FIXTURE_KINDS = [
+    "plain",
+    "half-float-alone",
+    "gray",
+    "interleaved",
+    "layer-samples",
+    "denoised",
+    "composited",
+    "stereo",
+    "named-layer",
+    "acescg",
+]
+
+
+def write_seeds(out: Path, size: tuple[int, int], set_passes: Callable[[bpy.types.Scene], None]) -> None:
+    """Renderings with different seeds, `seed-00.exr` and so on, and one of many samples."""
+    scene = build(size)
+    multilayer(scene)
+    set_passes(scene)
+    for seed in range(SEEDS):
+        write(scene, out / f"seed-{seed:02}.exr", seed)
+    sampled(scene, REFERENCE_SPP)
+    write(scene, out / "reference.exr", SEEDS)
+
+
+def write_kinds(out: Path, size: tuple[int, int], kinds: list[str], seeds: range) -> None:
+    for kind in kinds:
+        scene = build(size)
+        KINDS[kind](scene)
+        for seed in seeds:
+            write(scene, out / f"{kind}-{seed}.exr", seed)
+
+
+def depth(scene: bpy.types.Scene) -> None:
+    scene.view_layers[0].use_pass_z = True
 
 
 def main() -> None:
@@ -310,19 +356,13 @@ def main() -> None:
     parser.add_argument("what", choices=["fixtures", "seeds", "kinds"])
     parser.add_argument("out", type=Path, nargs="?", default=FIXTURES, metavar="OUT")
     args = parser.parse_args()
-    if args.what == "kinds":
-        for name, change in KINDS.items():
-            scene = build()
-            change(scene)
-            for seed in range(2):
-                write(scene, args.out / f"{name}-{seed}.exr", seed)
-    if args.what == "seeds":
-        write_seeds(args.out, (24, 16), passes)
-        scene = build()
-        multilayer(scene)
-        passes(scene)
-        sampled(scene, 4096)
-        write(scene, args.out / "reference.exr", SEEDS)
+    if args.what == "fixtures":
+        write_seeds(args.out, FIXTURE_SIZE, depth)
+        write_kinds(args.out, FIXTURE_SIZE, FIXTURE_KINDS, range(1))
+    elif args.what == "seeds":
+        write_seeds(args.out, SIZE, passes)
+    else:
+        write_kinds(args.out, SIZE, list(KINDS), range(2))
 
 
 if __name__ == "__main__":
