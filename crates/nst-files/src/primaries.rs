@@ -40,7 +40,7 @@ pub(crate) fn foreign_space(attributes: &BTreeMap<String, String>) -> Option<Str
     (!known).then(|| space.clone())
 }
 
-/// What to tell about a file of such a colour space.
+/// What to tell about a file of another colour space.
 pub(crate) fn space_note(path: &Path, space: &str) -> String {
     let path = path.display();
     format!("'{path}' has not the colours of linear sRGB, but of {space}: taken as they are")
