@@ -14,7 +14,7 @@ use exr::{
 };
 
 pub use crate::window::Window;
-use crate::{Error, limits::MOST_DEFLATED, rows::text};
+use crate::{Error, blender::combined, limits::MOST_DEFLATED, rows::text};
 
 /// The first bytes of every EXR file: 20000630, little-endian.
 const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
@@ -40,6 +40,8 @@ pub struct ExrHeader {
 pub struct Part {
     /// Its name; files of one part need none.
     pub name: Option<String>,
+    /// Which eye of a stereo pair it shows, or which of several cameras, as in `left`.
+    pub view: Option<String>,
     /// Width and height of the data window, in pixels.
     pub size: [u32; 2],
     /// The left upper corner of the data window.
@@ -162,15 +164,20 @@ impl ExrHeader {
                     format!("no channels R, G, B or Y; name one of its channels: {channels}")
                 });
             }
-            let several = format!("it has several layers, name one of them: {names}");
             if layers.len() > 1 {
                 // Depth, masks and the like, which are single channels, accompany a picture.
                 layers.retain(|layer| layer.channels.len() == 3);
             }
-            return match (layers.len(), &combined(&layers)[..]) {
+            let several =
+                |names: &str| Err(format!("it has several layers, name one of them: {names}"));
+            return match (layers.len(), &combined(layers.iter().map(|layer| &*layer.name))[..]) {
                 (1, _) => Ok(layers.swap_remove(0)),
+                (_, []) => several(&names),
                 (_, &[combined]) => Ok(layers.swap_remove(combined)),
-                _ => Err(several),
+                (_, all) => {
+                    let all: Vec<_> = all.iter().map(|&i| layers[i].name.as_str()).collect();
+                    several(&all.join(", "))
+                }
             };
         };
         if let Some(found) = layers.iter().position(|layer| layer.name == name) {
@@ -210,29 +217,18 @@ impl ExrHeader {
 
     /// Puts the part's name before a layer's or a channel's, where several parts need it.
     fn full_name(&self, part: &Part, name: &str) -> String {
-        match &part.name {
-            Some(part) if self.parts.len() > 1 => match name.strip_prefix(part.as_str()) {
-                // Some programs repeat the part's name in its channels.
-                Some("") => part.clone(),
-                Some(rest) if rest.starts_with('.') => name.to_owned(),
-                _ if name.is_empty() => part.clone(),
-                _ => format!("{part}.{name}"),
-            },
-            _ => name.to_owned(),
+        let Some(own) = part.name.as_ref().filter(|_| self.parts.len() > 1) else {
+            return name.to_owned();
+        };
+        // Some programs repeat the part's name in its channels; Blender does so without the
+        // view, as parts `V.Combined-left` and `V.Combined-right` of channels `V.Combined.R`.
+        let without = part.view.as_ref().and_then(|view| own.strip_suffix(view)?.strip_suffix('-'));
+        match name.strip_prefix(without.unwrap_or(own)) {
+            Some(rest) if rest.is_empty() || rest.starts_with('.') => format!("{own}{rest}"),
+            _ if name.is_empty() => own.clone(),
+            _ => format!("{own}.{name}"),
         }
     }
-}
-
-/// The layers that end in Blender's name for the picture; what its compositor has made of
-/// them counts only if there is nothing else.
-fn combined(layers: &[Layer]) -> Vec<usize> {
-    let all = layers.iter().enumerate().filter_map(|(i, layer)| {
-        let view = layer.name.strip_suffix("Combined")?;
-        (view.is_empty() || view.ends_with('.')).then_some((i, view))
-    });
-    let (composites, views): (Vec<_>, Vec<_>) = all.partition(|&(_, view)| view == "Composite.");
-    let found = if views.is_empty() { composites } else { views };
-    found.into_iter().map(|(i, _)| i).collect()
 }
 
 impl Part {
@@ -276,7 +272,7 @@ fn part(header: &RawHeader) -> Part {
     let display = header.shared_attributes.display_window;
     let tiled = matches!(header.blocks, BlockDescription::Tiles(_));
     let channels = header.channels.list.iter().map(|channel| Channel {
-        name: channel.name.to_string(),
+        name: text(&channel.name),
         kind: match channel.sample_type {
             SampleType::F16 => "f16",
             SampleType::F32 => "f32",
@@ -292,10 +288,12 @@ fn part(header: &RawHeader) -> Part {
             AttributeValue::F64(number) => number.to_string(),
             _ => return None,
         };
-        Some((exr::meta::attribute::Text::from_slice_unchecked(name).to_string(), value))
+        Some((text(&exr::meta::attribute::Text::from_slice_unchecked(name)), value))
     });
+    let own = &header.own_attributes;
     Part {
-        name: header.own_attributes.layer_name.as_ref().map(ToString::to_string),
+        name: own.layer_name.as_ref().map(text).filter(|name| !name.is_empty()),
+        view: own.view_name.as_ref().map(text),
         // The library refuses windows beyond 2³⁰.
         size: [window.size.x() as u32, window.size.y() as u32],
         position: [window.position.x(), window.position.y()],
@@ -323,6 +321,7 @@ mod tests {
             |name: &&str| Channel { name: (*name).to_owned(), kind: "f32", full_resolution: true };
         let part = |&(name, channels): &(Option<&str>, &[&str])| Part {
             name: name.map(str::to_owned),
+            view: None,
             size: [1, 1],
             position: [0, 0],
             display: Window { position: [0, 0], size: [1, 1] },

@@ -11,6 +11,7 @@
 //! The lanes of a picture are planar: lane = channel · width · height + y · width + x, with
 //! y counted from the top.
 
+mod blender;
 pub mod dataset;
 mod error;
 pub mod false_color;

@@ -21,8 +21,8 @@ use nst_core::Grid;
 use rayon::prelude::*;
 
 use crate::{
-    Error,
-    header::{ExrHeader, Part, Window, open},
+    Error, blender,
+    header::{ExrHeader, Layer, Window, open},
     primaries,
 };
 
@@ -49,6 +49,13 @@ pub struct Picture {
     /// The attribute `samplesPerPixel`, or Blender's `cycles.VIEW.samples`, where the file
     /// has it as a whole number above 0.
     pub samples_per_pixel: Option<u32>,
+    /// The name of the attribute that [`Self::samples_per_pixel`] is from.
+    pub samples_attribute: Option<String>,
+    /// The colour space that the file names (`colorInteropID` of the Color Interop Forum),
+    /// where it is another one than linear sRGB.
+    color_space: Option<String>,
+    /// Where the picture is denoised, the layer that has it before.
+    before_denoising: Option<String>,
 }
 
 impl Picture {
@@ -84,6 +91,8 @@ impl Picture {
         let [width, height] = part.size;
         Grid::new(width, height, layer.channels.len() as u32, 0)
             .map_err(|error| Error::malformed(path, error.to_string()))?;
+        let (samples_attribute, samples_per_pixel) = samples_per_pixel(&header, &layer).unzip();
+        let before_denoising = blender::before_denoising(&layer.name);
         Ok(Self {
             path: path.to_owned(),
             part: layer.part,
@@ -92,7 +101,11 @@ impl Picture {
             display: part.display,
             chromaticities: part.chromaticities,
             channel_names: channels().map(|channel| channel.name.clone()).collect(),
-            samples_per_pixel: samples_per_pixel(part, &layer.name),
+            samples_per_pixel,
+            samples_attribute,
+            color_space: primaries::foreign_space(&part.attributes),
+            before_denoising: before_denoising
+                .filter(|noisy| header.layers().iter().any(|layer| layer.name == *noisy)),
             channels: layer.channels,
             layer: layer.name,
         })
@@ -137,11 +150,29 @@ impl Picture {
         Ok(rows.flat_map(|row| &row[first..first + width]).copied().collect())
     }
 
-    /// What to tell about colours that are not in the primaries of sRGB: nothing here
-    /// converts them.
+    /// What to tell about colours that are not linear sRGB: nothing here converts them.
     #[must_use]
     pub fn primaries_note(&self) -> Option<String> {
-        primaries::note(&self.path, self.chromaticities?)
+        let primaries = self.chromaticities.and_then(|found| primaries::note(&self.path, found));
+        primaries.or_else(|| Some(primaries::space_note(&self.path, self.color_space.as_ref()?)))
+    }
+
+    /// Whether the colours of another picture mean the same.
+    #[must_use]
+    pub fn has_primaries_of(&self, other: &Self) -> bool {
+        self.chromaticities == other.chromaticities && self.color_space == other.color_space
+    }
+
+    /// What to tell about a denoised picture that is to be one of several samples: denoisers
+    /// err in the same way in all of them.
+    #[must_use]
+    pub fn denoised_note(&self) -> Option<String> {
+        let (path, layer, noisy) =
+            (self.path.display(), &self.layer, self.before_denoising.as_ref()?);
+        Some(format!(
+            "'{path}' is denoised in {layer}: a mean of denoised pictures does not converge to \
+             the true one; --layer '{noisy}' takes them as they were before"
+        ))
     }
 
     /// Reads some rows, counted from the top, as planar lanes: `[channel][y][x]`.
@@ -278,22 +309,25 @@ fn read_line(line: &LineRef<'_>, kind: SampleType, lanes: &mut [f32]) -> exr::er
     Ok(())
 }
 
-/// pbrt writes an integer; other programs write text or a float; Blender, one for each view
-/// layer.
-fn samples_per_pixel(part: &Part, layer: &str) -> Option<u32> {
-    let view = layer.split('.').next().unwrap_or_default();
-    let names = ["samplesPerPixel".to_owned(), format!("cycles.{view}.samples")];
-    let text = names.iter().find_map(|name| part.attributes.get(name))?;
+/// The attribute with the samples per pixel, and its value: pbrt writes an integer; other
+/// programs write text or a float; Blender, one for each view layer, all in the first part.
+fn samples_per_pixel(header: &ExrHeader, layer: &Layer) -> Option<(String, u32)> {
+    const OWN: &str = "samplesPerPixel";
+    let own = header.parts[layer.part].attributes.get(OWN).map(|value| (OWN, value.as_str()));
+    let all = || header.parts.iter().flat_map(|part| &part.attributes);
+    let blenders = || blender::samples(all().map(|(name, value)| (&**name, &**value)), &layer.name);
+    let (name, text) = own.or_else(blenders)?;
     let number = text.trim().parse::<f64>().ok()?;
     (number >= 1.0 && number <= f64::from(u32::MAX) && number.fract() == 0.0)
-        .then_some(number as u32)
+        .then(|| (name.to_owned(), number as u32))
 }
 
 #[cfg(test)]
 mod tests {
     use exr::prelude::*;
 
-    use super::*;
+    use super::{Layer, *};
+    use crate::header::Part;
 
     fn value(channel: usize, x: usize, y: usize) -> f32 {
         (100 * channel + 10 * y + x) as f32
@@ -317,7 +351,12 @@ mod tests {
             .enumerate()
             .map(|(i, name)| AnyChannel::new(*name, samples(kinds[i % 3], i, size)));
         let attributes = LayerAttributes::named("main").with_position(position);
-        let layer = Layer::new(size, attributes, encoding, AnyChannels::sort(channels.collect()));
+        let layer = exr::prelude::Layer::new(
+            size,
+            attributes,
+            encoding,
+            AnyChannels::sort(channels.collect()),
+        );
         Image::from_layer(layer).write().to_file(path).expect("a file");
     }
 
@@ -400,25 +439,33 @@ mod tests {
 
     #[test]
     fn samples_per_pixel_in_any_type() {
-        let part = |text: &str| Part {
-            name: None,
-            size: [1, 1],
-            position: [0, 0],
-            display: Window { position: [0, 0], size: [1, 1] },
-            chromaticities: None,
-            storage: String::new(),
-            deep: false,
-            channels: Vec::new(),
-            attributes: [("samplesPerPixel".to_owned(), text.to_owned())].into(),
+        let of = |text: &str, layer: &str| {
+            let part = |attributes| Part {
+                name: None,
+                view: None,
+                size: [1, 1],
+                position: [0, 0],
+                display: Window { position: [0, 0], size: [1, 1] },
+                chromaticities: None,
+                storage: String::new(),
+                deep: false,
+                channels: Vec::new(),
+                attributes,
+            };
+            let blender = ("cycles.View.samples".to_owned(), "32".to_owned());
+            let own = ("samplesPerPixel".to_owned(), text.to_owned());
+            let own = if text.is_empty() { None } else { Some(own) };
+            let header =
+                ExrHeader { parts: vec![part([blender].into()), part(own.into_iter().collect())] };
+            samples_per_pixel(&header, &Layer { name: layer.into(), part: 1, channels: vec![] })
         };
-        assert_eq!(samples_per_pixel(&part("16"), ""), Some(16));
-        assert_eq!(samples_per_pixel(&part("16.0"), ""), Some(16));
+        let some = |name: &str, value| Some((name.to_owned(), value));
+        assert_eq!(of("16", ""), some("samplesPerPixel", 16));
+        assert_eq!(of("16.0", "View.Combined"), some("samplesPerPixel", 16));
         for bad in ["0", "-1", "1.5", "many", "NaN", "1e99"] {
-            assert_eq!(samples_per_pixel(&part(bad), ""), None, "{bad}");
+            assert_eq!(of(bad, ""), None, "{bad}");
         }
-        let mut blender = part("");
-        blender.attributes = [("cycles.My view.samples".to_owned(), "32".to_owned())].into();
-        assert_eq!(samples_per_pixel(&blender, "My view.Combined"), Some(32));
-        assert_eq!(samples_per_pixel(&blender, "Other.Combined"), None);
+        // Blender's is in another part than the layer.
+        assert_eq!(of("", "View.Combined"), some("cycles.View.samples", 32));
     }
 }

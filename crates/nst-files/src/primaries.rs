@@ -1,6 +1,6 @@
 //! The primaries of colours: which red, green, blue and white their numbers mean.
 
-use std::path::Path;
+use std::{collections::BTreeMap, path::Path};
 
 /// Chromaticities in CIE xy, from ITU-R BT.709 and BT.2020, SMPTE EG 432-1 (P3), and the
 /// Academy's S-2014-004 and TB-2014-004.
@@ -32,6 +32,20 @@ pub(crate) fn note(path: &Path, primaries: [[f32; 2]; 4]) -> Option<String> {
     Some(format!("'{path}' has not the primaries of {name}, but {whose}: taken as they are"))
 }
 
+/// The colour space that a part of a file names, where it is another one than linear sRGB.
+/// Linear Rec. 709 has the primaries of sRGB.
+pub(crate) fn foreign_space(attributes: &BTreeMap<String, String>) -> Option<String> {
+    let space = attributes.get("colorInteropID")?;
+    let known = ["lin_rec709_scene", "data", "unknown"].contains(&space.as_str());
+    (!known).then(|| space.clone())
+}
+
+/// What to tell about a file of another colour space.
+pub(crate) fn space_note(path: &Path, space: &str) -> String {
+    let path = path.display();
+    format!("'{path}' has not the colours of linear sRGB, but of {space}: taken as they are")
+}
+
 #[cfg(test)]
 mod tests {
     use exr::prelude::*;
@@ -61,5 +75,30 @@ mod tests {
         let mut odd = PRIMARIES[0].1;
         odd[1][0] = 0.25;
         assert!(note(Some(odd)).expect("a note").contains("others"));
+    }
+
+    #[test]
+    fn foreign_spaces_are_told() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("x.exr");
+        let picture = |space: Option<&str>| {
+            let pixels = SpecificChannels::rgb(|_| (0.0, 0.0, 0.0));
+            let mut image = Image::from_channels((1, 1), pixels);
+            if let Some(space) = space {
+                let attributes = &mut image.layer_data.attributes.other;
+                attributes.insert("colorInteropID".into(), AttributeValue::Text(space.into()));
+            }
+            image.write().to_file(&path).expect("a file");
+            crate::picture::Picture::open(&path, None).expect("a picture")
+        };
+        for usual in [None, Some("lin_rec709_scene"), Some("data"), Some("unknown")] {
+            assert_eq!(picture(usual).primaries_note(), None);
+            assert!(picture(usual).has_primaries_of(&picture(None)), "{usual:?}");
+        }
+        for other in ["lin_ap1_scene", "srgb_rec709_display"] {
+            let note = picture(Some(other)).primaries_note().expect("a note");
+            assert!(note.contains(other) && note.contains("x.exr"), "{note}");
+            assert!(!picture(Some(other)).has_primaries_of(&picture(None)), "{other}");
+        }
     }
 }

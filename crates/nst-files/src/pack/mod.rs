@@ -65,7 +65,7 @@ pub fn open(paths: &[PathBuf], layer: Option<&str>) -> Result<Vec<Picture>, Erro
     let mut pictures: Vec<Picture> = Vec::with_capacity(paths.len());
     for path in paths {
         let picture = Picture::open(path, layer)?;
-        if pictures.first().is_some_and(|first| first.chromaticities != picture.chromaticities) {
+        if pictures.first().is_some_and(|first| !first.has_primaries_of(&picture)) {
             let message = format!(
                 "its colours have other primaries than those of '{}'; all must agree",
                 pictures[0].path().display()

@@ -6,12 +6,12 @@ use nst_files::{pack::samples_in_name, picture::Picture};
 use crate::error::Error;
 
 /// Where the numbers of samples come from, in words.
-pub(super) type Source = &'static str;
+pub(super) type Source = String;
 
 /// The samples behind each of some independent renderings.
 pub(super) fn samples_each(spp: Option<u32>, pictures: &[Picture]) -> Result<(u32, Source), Error> {
     if let Some(spp) = spp {
-        return Ok((spp, "--spp, each"));
+        return Ok((spp, "--spp, each".into()));
     }
     let first = &pictures[0];
     for picture in pictures {
@@ -31,7 +31,7 @@ pub(super) fn samples_each(spp: Option<u32>, pictures: &[Picture]) -> Result<(u3
             )));
         }
     }
-    Ok((first.samples_per_pixel.unwrap_or(1), "attribute samplesPerPixel, each"))
+    Ok((first.samples_per_pixel.unwrap_or(1), format!("{}, each", attribute(first))))
 }
 
 /// The samples behind each snapshot of a progressive rendering.
@@ -40,14 +40,14 @@ pub(super) fn samples_of_estimates(
     pictures: &[Picture],
 ) -> Result<(Vec<u32>, Source), Error> {
     if let Some(list) = list {
-        return Ok((list.to_vec(), "--spp-list"));
+        return Ok((list.to_vec(), "--spp-list".into()));
     }
     let from = |of: &dyn Fn(&Picture) -> Option<u32>| pictures.iter().map(of).collect();
     if let Some(counts) = from(&|picture| picture.samples_per_pixel) {
-        return Ok((counts, "attribute samplesPerPixel"));
+        return Ok((counts, attribute(&pictures[0])));
     }
     if let Some(counts) = from(&|picture| samples_in_name(picture.path())) {
-        return Ok((counts, "the files' names"));
+        return Ok((counts, "the files' names".into()));
     }
     let unknown = pictures.iter().find(|picture| samples_in_name(picture.path()).is_none());
     Err(Error::Usage(format!(
@@ -55,6 +55,10 @@ pub(super) fn samples_of_estimates(
          samplesPerPixel nor in its name; list the numbers with --spp-list",
         unknown.unwrap_or(&pictures[0]).path().display()
     )))
+}
+
+fn attribute(picture: &Picture) -> Source {
+    format!("attribute {}", picture.samples_attribute.as_deref().unwrap_or_default())
 }
 
 /// Sorts pictures by their sample counts, which must differ.

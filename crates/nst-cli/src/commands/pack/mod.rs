@@ -139,7 +139,7 @@ fn sequence(args: &PackArgs) -> Result<Report, Error> {
         samples_from,
         side_channels: info.sides.iter().map(ToString::to_string).collect(),
         nonfinite: nonfinite.into_iter().map(|(path, n)| (path.display().to_string(), n)).collect(),
-        notes: first.primaries_note().into_iter().collect(),
+        notes: first.primaries_note().into_iter().chain(first.denoised_note()).collect(),
         means: args.kind() == PackAs::Samples,
         output: args.output.display().to_string(),
     })
