@@ -22,7 +22,7 @@ use rayon::prelude::*;
 
 use crate::{
     Error, blender,
-    header::{ExrHeader, Layer, Window, open},
+    header::{ExrHeader, Layer, Part, Window, open},
     primaries,
 };
 
@@ -51,6 +51,8 @@ pub struct Picture {
     pub samples_per_pixel: Option<u32>,
     /// The name of the attribute that [`Self::samples_per_pixel`] is from.
     pub samples_attribute: Option<String>,
+    /// The attribute `renderTimeSeconds`, where it is a number above 0.
+    pub render_seconds: Option<f64>,
     /// The colour space that the file names (`colorInteropID` of the Color Interop Forum),
     /// where it is another one than linear sRGB.
     color_space: Option<String>,
@@ -103,6 +105,7 @@ impl Picture {
             channel_names: channels().map(|channel| channel.name.clone()).collect(),
             samples_per_pixel,
             samples_attribute,
+            render_seconds: render_seconds(part),
             color_space: primaries::foreign_space(&part.attributes),
             before_denoising: before_denoising
                 .filter(|noisy| header.layers().iter().any(|layer| layer.name == *noisy)),
@@ -322,12 +325,17 @@ fn samples_per_pixel(header: &ExrHeader, layer: &Layer) -> Option<(String, u32)>
         .then(|| (name.to_owned(), number as u32))
 }
 
+/// How long the picture took, as pbrt and `nst` write it.
+fn render_seconds(part: &Part) -> Option<f64> {
+    let seconds: f64 = part.attributes.get("renderTimeSeconds")?.trim().parse().ok()?;
+    Some(seconds).filter(|seconds| seconds.is_finite() && *seconds > 0.0)
+}
+
 #[cfg(test)]
 mod tests {
     use exr::prelude::*;
 
     use super::{Layer, *};
-    use crate::header::Part;
 
     fn value(channel: usize, x: usize, y: usize) -> f32 {
         (100 * channel + 10 * y + x) as f32

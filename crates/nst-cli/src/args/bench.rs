@@ -7,7 +7,8 @@ use clap::Subcommand;
 use super::{
     common::CommonArgs,
     method::{BackendArg, TransformArg, transform},
-    values::{count, seed},
+    render::PixelArg,
+    values::{count, seed, size},
 };
 
 /// Measure methods and compare them.
@@ -23,15 +24,33 @@ pub(crate) enum Bench {
     Stability(BenchStabilityArgs),
 }
 
-/// Render a scene with several seeds, compare each method with a reference, write CSV.
+/// Measure methods on a scene: errors against a reference, and times, as CSV.
+///
+/// The scene is rendered with several seeds and sample counts, and each method is compared
+/// with a reference that is rendered once. A bench that was cut off goes on where it was. A
+/// file of the same name that ends in .exr shows pictures of the best methods. `nst chart`
+/// and `nst report` draw the table.
 #[derive(Debug, clap::Args)]
+#[command(group(clap::ArgGroup::new("source").args(["scene", "sequence"]).required(true)))]
 pub(crate) struct BenchSceneArgs {
     /// OBJ file.
     #[arg(long, value_name = "OBJ")]
-    pub(crate) scene: PathBuf,
-    /// EXR picture whose R, G, B count as the true values; it sets the film size.
-    #[arg(long, value_name = "EXR")]
-    pub(crate) reference: PathBuf,
+    pub(crate) scene: Option<PathBuf>,
+    /// Instead of a scene, sequence files of independent runs, as `nst pack` makes them.
+    #[arg(long, value_name = "EXR", num_args = 1.., requires = "reference", conflicts_with_all = ["spp", "runs", "seed", "size", "pixel", "max_depth", "reference_spp"])]
+    pub(crate) sequence: Vec<PathBuf>,
+    /// EXR picture whose R, G, B count as the true values, or two independent ones; it sets
+    /// the film size. [default: two are rendered, and kept for the next bench]
+    #[arg(long, value_name = "EXR", num_args = 1..=2)]
+    pub(crate) reference: Vec<PathBuf>,
+    /// Samples per pixel of each of the two references that are rendered. [default: 16 for
+    /// each of the largest --spp]
+    #[arg(long, value_name = "N", value_parser = count, allow_negative_numbers = true, conflicts_with = "reference")]
+    pub(crate) reference_spp: Option<u32>,
+    /// Film size in pixels, as in 512x512. [default: the scene's shape, at most 256 wide and
+    /// high]
+    #[arg(long, value_name = "WxH", value_parser = size, conflicts_with = "reference")]
+    pub(crate) size: Option<[u32; 2]>,
     /// Sample counts to render with.
     #[arg(long, value_delimiter = ',', num_args = 1.., default_values_t = [8, 16, 32, 64], value_parser = count, allow_negative_numbers = true)]
     pub(crate) spp: Vec<u32>,
@@ -41,18 +60,43 @@ pub(crate) struct BenchSceneArgs {
     /// Seed of the first run; those of the others count up from it.
     #[arg(long, default_value_t = 1_000_000, value_parser = seed, allow_negative_numbers = true)]
     pub(crate) seed: u64,
-    /// Methods to compare: `auto`, or names as for `nst transform`; `none` is always
-    /// included.
-    #[arg(long, value_name = "METHOD", value_delimiter = ',', num_args = 1.., default_value = "auto", value_parser = transform())]
+    /// Path vertices after the camera that may scatter or emit. [default: the scene's]
+    #[arg(long, value_name = "N", value_parser = count, allow_negative_numbers = true)]
+    pub(crate) max_depth: Option<u32>,
+    /// Where in a pixel samples are. [default: box]
+    #[arg(long, value_enum)]
+    pub(crate) pixel: Option<PixelArg>,
+    /// Methods to compare, beside the plain estimate. [default: all]
+    #[arg(long, value_name = "METHOD", value_delimiter = ',', num_args = 1.., hide_possible_values = true, value_parser = transform())]
     pub(crate) transform: Vec<TransformArg>,
+    /// Also judge a picture of another program, which says its samples per pixel, and perhaps
+    /// its renderTimeSeconds; can be given several times, with one name for several runs.
+    #[arg(long, value_name = "NAME=EXR", value_parser = named_picture)]
+    pub(crate) picture: Vec<NamedPicture>,
     /// What networks run on.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) backend: BackendArg,
-    /// CSV file to write.
+    /// CSV file to write, or to go on with.
     #[arg(short, long, value_name = "CSV")]
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) common: CommonArgs,
+}
+
+/// A picture, and what its method is called.
+#[derive(Clone, Debug)]
+pub(crate) struct NamedPicture {
+    pub(crate) name: String,
+    pub(crate) path: PathBuf,
+}
+
+fn named_picture(text: &str) -> Result<NamedPicture, String> {
+    match text.split_once('=') {
+        Some((name, path)) if !name.is_empty() && !path.is_empty() => {
+            Ok(NamedPicture { name: name.to_owned(), path: path.into() })
+        }
+        _ => Err("write a name, =, and a file, as in oidn=denoised.exr".to_owned()),
+    }
 }
 
 /// Apply all methods to sequences that are known to break some of them, write CSV.

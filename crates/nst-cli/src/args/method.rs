@@ -42,12 +42,33 @@ pub(crate) enum TransformArg {
     Method(&'static str),
 }
 
+impl TransformArg {
+    /// What the command line calls it.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::None => "none",
+            Self::Builtin(name) | Self::Method(name) => name,
+        }
+    }
+
+    /// The one that the command line calls so.
+    pub(crate) fn named(name: &str) -> Option<Self> {
+        known().find(|(known, ..)| *known == name).map(|(.., arg)| arg)
+    }
+
+    /// All of them, `auto` first.
+    pub(crate) fn all() -> impl Iterator<Item = Self> {
+        known().map(|(.., arg)| arg)
+    }
+}
+
 /// Takes the name of a method; the help lists all of them.
 pub(super) fn transform() -> impl TypedValueParser<Value = TransformArg> {
     let names = known().map(|(name, about, _)| PossibleValue::new(name).help(about));
     PossibleValuesParser::new(names).map(|text| {
-        let found = known().find(|(name, ..)| *name == text);
-        found.map(|(.., arg)| arg).unwrap_or_else(|| unreachable!("clap admits known names only"))
+        let found = TransformArg::named(&text);
+        found.unwrap_or_else(|| unreachable!("clap admits known names only"))
     })
 }
 

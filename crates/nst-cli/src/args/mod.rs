@@ -14,7 +14,7 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand};
 
 #[cfg(feature = "render")]
-pub(crate) use bench::{Bench, BenchArgs, BenchSceneArgs, BenchStabilityArgs};
+pub(crate) use bench::{Bench, BenchArgs, BenchSceneArgs, BenchStabilityArgs, NamedPicture};
 pub(crate) use common::CommonArgs;
 pub(crate) use method::{BackendArg, MethodArgs, TransformArg};
 pub(crate) use pack::{PackArgs, PackAs};

@@ -16,7 +16,8 @@ use super::{
 use crate::error::Error;
 
 /// The columns that are texts: they may say `inf` or `nan`.
-const TEXTS: [&str; 6] = ["scene", "method", "machine", "adapter", "version", "failure"];
+const TEXTS: [&str; 7] =
+    ["scene", "method", "fingerprint", "machine", "adapter", "version", "failure"];
 
 /// The rows of one scene: at least one, all of one film, no run twice.
 #[derive(Clone, Debug)]

@@ -29,7 +29,7 @@ pub(crate) struct Row {
     pub(crate) relmse: Option<f64>,
     /// Symmetric mean absolute percentage error, from 0 to 1.
     pub(crate) smape: Option<f64>,
-    /// The mean squared error without the 0.1 % of lanes whose errors are the largest.
+    /// The mean squared error without the 0.1 % of pixels whose errors are the largest.
     pub(crate) mse_trimmed: Option<f64>,
     /// The squared bias: the mean of (a − R₁)(b − R₂), where a is this run, and b the other
     /// one of a pair; both rows have the same value. Unbiased, so it may be negative.
@@ -54,6 +54,10 @@ pub(crate) struct Row {
     pub(crate) height: u32,
     /// The reference's own MSE.
     pub(crate) reference_mse: Option<f64>,
+    /// The scene's fingerprint, which names what its pixels depend on; empty where it is not known.
+    pub(crate) fingerprint: String,
+    /// The seed of the run's random numbers.
+    pub(crate) seed: Option<u64>,
     /// Threads that were used.
     pub(crate) threads: Option<u32>,
     /// The machine's processor.
@@ -88,8 +92,8 @@ mod tests {
     fn the_columns_have_their_order() {
         let columns = "scene method spp run mse relmse smape mse_trimmed bias2 predicted_mse \
                        load_seconds render_seconds transform_seconds transform_warm_seconds \
-                       io_seconds total_seconds width height reference_mse threads machine \
-                       adapter version schema failure";
+                       io_seconds total_seconds width height reference_mse fingerprint seed threads \
+                       machine adapter version schema failure";
         assert_eq!(Row::columns(), columns.split_whitespace().collect::<Vec<_>>());
     }
 }

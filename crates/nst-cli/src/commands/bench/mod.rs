@@ -11,7 +11,7 @@ use crate::{
 
 pub(super) fn run(args: &BenchArgs) -> Result<Done, Error> {
     match &args.bench {
-        Bench::Scene(args) => scene::run(args).map(Done::whole),
+        Bench::Scene(args) => scene::run(args),
         Bench::Stability(args) => stability::run(args).map(Done::whole),
     }
 }

@@ -1,0 +1,196 @@
+//! `nst bench scene`: the errors and times of methods on runs of one scene, one row each.
+
+mod measure;
+mod pictures;
+mod reference;
+mod report;
+mod source;
+mod table;
+
+use std::time::Instant;
+
+use nst_files::output::{Kind, Name, Outputs};
+use nst_render::{LoadOptions, SamplerKind, Scene};
+
+use crate::{
+    args::{BenchSceneArgs, TransformArg},
+    error::Error,
+    interrupt,
+    progress::Progress,
+    report::Done,
+    results::{PLAIN, Results, Row},
+};
+use measure::{Meter, Methods};
+use reference::Reference;
+use report::Report;
+use source::{Origin, Run, Source};
+use table::Table;
+
+/// The longer side of the film, unless the command line or a reference says it: large enough
+/// for stable means, small enough for some minutes.
+const SIDE: u32 = 256;
+
+/// Samples per pixel of each half of the reference, for each of the largest run. The noise
+/// of the mean of both is then 1/32 of that run's.
+const REFERENCE_FACTOR: u32 = 16;
+
+/// What a method takes for a pixel, relative to a path: for the progress alone.
+const PATHS_PER_METHOD: u64 = 8;
+
+pub(super) fn run(args: &BenchSceneArgs) -> Result<Done, Error> {
+    check_seeds(args)?;
+    let mut inputs: Vec<_> = args.reference.clone();
+    inputs.extend(args.picture.iter().map(|picture| picture.path.clone()));
+    inputs.extend(args.sequence.clone());
+    interrupt::finish_on_signal();
+    let given =
+        if args.reference.is_empty() { None } else { Some(Reference::read(&args.reference)?) };
+    let (source, origin) = source(args, given.as_ref(), &mut inputs)?;
+    let mut outputs = Outputs::of_inputs(&inputs);
+    let reference = match (given, &source) {
+        (Some(reference), _) => reference,
+        (None, Source::Scene { scene, .. }) => {
+            // Before the reference takes minutes.
+            drop(outputs.open(&args.output, Kind::Csv, Name::Given)?);
+            outputs = Outputs::of_inputs(&inputs);
+            let largest = args.spp.iter().copied().max().unwrap_or_default();
+            let spp = args.reference_spp.unwrap_or(largest.saturating_mul(REFERENCE_FACTOR));
+            Reference::render(scene, spp, &args.common)?
+        }
+        (None, Source::Files(_)) => unreachable!("clap asks for a reference"),
+    };
+    if reference.size != origin.size {
+        let [[w, h], [width, height]] = [reference.size, origin.size];
+        return Err(Error::Unlike(format!(
+            "the reference has {w}x{h} pixels, but the runs have {width}x{height}"
+        )));
+    }
+    let meter = Meter { origin: &origin, reference: &reference, loading: source.loading() };
+    let others = pictures::others(&meter, &args.picture)?;
+    let asked = if args.transform.is_empty() {
+        TransformArg::all().collect()
+    } else {
+        args.transform.clone()
+    };
+    let mut methods = Methods::new(&asked, args.backend);
+    if let Some(name) = methods.names().find(|name| args.picture.iter().any(|it| it.name == **name))
+    {
+        return Err(Error::Usage(format!("--picture {name}=…: a method has this name already")));
+    }
+    let first_seed = matches!(source, Source::Scene { .. }).then_some(args.seed);
+    let example = Row { method: PLAIN.into(), seed: first_seed, ..meter.blank() };
+    let mut table = Table::open(&args.output, &mut outputs, &example)?;
+    measure(args, &meter, &source, &mut methods, &mut table)?;
+    table.add(pictures::rows(&others))?;
+    let results = Results::of(table.rows().iter().cloned())?;
+    let picture = (&mut outputs, args.output.with_extension("exr"));
+    let picture = pictures::write(&meter, &source, &mut methods, others, &results, picture)?;
+    let files = vec![args.output.display().to_string(), picture];
+    Ok(Done::whole(Report::of(&results, files)))
+}
+
+fn check_seeds(args: &BenchSceneArgs) -> Result<(), Error> {
+    // The last two are the reference's.
+    let last = args.seed.checked_add(u64::from(args.runs - 1));
+    if last.is_some_and(|last| last < u64::MAX - 1) {
+        return Ok(());
+    }
+    Err(Error::Usage(format!(
+        "--seed {} is too large for {} runs, whose seeds count up from it",
+        args.seed, args.runs
+    )))
+}
+
+/// What is measured: a scene, whose files are added to the inputs, or sequence files.
+fn source(
+    args: &BenchSceneArgs,
+    reference: Option<&Reference>,
+    inputs: &mut Vec<std::path::PathBuf>,
+) -> Result<(Source, Origin), Error> {
+    let Some(path) = &args.scene else { return Source::files(&args.sequence) };
+    let begin = Instant::now();
+    let reading = Progress::step(format!("reading {}", path.display()), &args.common);
+    let size = args.size.or(reference.map(|reference| reference.size));
+    let mut scene = Scene::load_with(path, &LoadOptions { size, ..Default::default() })?;
+    drop(reading);
+    let loading = begin.elapsed();
+    if size.is_none() {
+        scene.size = at_most(scene.size, SIDE);
+    }
+    if let Some(filter) = args.pixel {
+        scene.pixel_filter = filter.into();
+    }
+    scene.max_depth = args.max_depth.unwrap_or(scene.max_depth);
+    inputs.extend(scene.inputs.iter().cloned());
+    let origin = Origin {
+        scene: scene.name.clone(),
+        fingerprint: scene.fingerprint(),
+        sampler: SamplerKind::Random.to_string(),
+        size: scene.size,
+    };
+    Ok((Source::Scene { scene: Box::new(scene), loading, seed: args.seed }, origin))
+}
+
+/// A size of the same shape, whose longer side is not larger than this.
+fn at_most(size: [u32; 2], side: u32) -> [u32; 2] {
+    let longer = size[0].max(size[1]);
+    if longer <= side {
+        return size;
+    }
+    let scaled = |length: u32| (u64::from(length) * u64::from(side)).div_ceil(longer.into()) as u32;
+    size.map(scaled)
+}
+
+/// Measures what the table lacks, and stores it pair by pair.
+fn measure(
+    args: &BenchSceneArgs,
+    meter: &Meter<'_>,
+    source: &Source,
+    methods: &mut Methods,
+    table: &mut Table,
+) -> Result<(), Error> {
+    let window = methods.window(meter.origin)?;
+    let names: Vec<String> = methods.names().map(str::to_owned).collect();
+    let lacks = |table: &Table, spp: u32, run: u32| {
+        names.iter().filter(|name| !table.has(name, spp, run)).count() as u64
+    };
+    let pixels: u64 = meter.origin.size.map(u64::from).iter().product();
+    let work = |table: &Table, spp: u32, runs: &[u32]| {
+        let of_run = |&run: &u32| match lacks(table, spp, run) {
+            0 => 0,
+            methods => pixels * (u64::from(spp) + PATHS_PER_METHOD * methods),
+        };
+        runs.iter().map(of_run).sum::<u64>()
+    };
+    let pairs = source.pairs(args);
+    let total = pairs.iter().map(|(spp, runs)| work(table, *spp, runs)).sum();
+    let progress = Progress::count("measuring", "bench", total, &args.common);
+    for (i, (spp, runs)) in pairs.iter().enumerate() {
+        let work = work(table, *spp, runs);
+        if work == 0 {
+            continue;
+        }
+        let stopped = || {
+            Error::Interrupted(format!(
+                "{i} of {} pairs of runs are in '{}'; the same command goes on from there",
+                pairs.len(),
+                args.output.display()
+            ))
+        };
+        let mut batches: Vec<Run> = Vec::new();
+        for &run in runs {
+            batches.push(source.run(*spp, run, window)?);
+            if interrupt::asked() {
+                return Err(stopped());
+            }
+        }
+        let wanted = |name: &str, run: u32| !table.has(name, *spp, run);
+        let rows = meter.measure(methods, wanted, &batches)?;
+        table.add(rows)?;
+        progress.advance(work);
+        if interrupt::asked() && i + 1 < pairs.len() {
+            return Err(stopped());
+        }
+    }
+    Ok(())
+}
