@@ -259,32 +259,6 @@ fn auto_takes_the_network_of_the_scene_and_sampler_or_none() {
 }
 
 #[test]
-fn bench_scene_writes_a_row_per_method_and_run() {
-    let bench = Bench::new();
-    let scene = cornell();
-    bench.succeed(&format!(
-        "render --scene {scene} --spp 256 --size 16x16 --transform none -o ref.exr --quiet"
-    ));
-    let said = bench.succeed(&format!(
-        "bench scene --scene {scene} --reference ref.exr --spp 8,16 --runs 2 --backend cpu \
-         --transform auto,families -o out.csv"
-    ));
-    assert!(said.contains("families"), "{said}");
-    let csv = std::fs::read_to_string(bench.path("out.csv")).expect("the CSV");
-    let lines: Vec<_> = csv.lines().collect();
-    assert_eq!(
-        lines[0],
-        "scene,method,spp,run,mse,relmse,smape,render_seconds,transform_seconds,io_seconds,total_seconds"
-    );
-    assert_eq!(lines.len(), 1 + 2 * 2 * 3);
-    assert!(
-        lines[1].starts_with("cornell,none,8,0,")
-            && lines[12].starts_with("cornell,families,16,1,"),
-        "{csv}"
-    );
-}
-
-#[test]
 fn bench_stability_writes_a_row_per_method_regime_and_count() {
     let bench = Bench::new();
     let said = bench.succeed("bench stability --short -o out.csv --markdown out.md");

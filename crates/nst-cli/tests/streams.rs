@@ -40,7 +40,7 @@ fn jobs() -> Vec<(String, &'static [&'static str])> {
         ("info s1.exr".to_owned(), &[]),
         ("info plain.obj".to_owned(), &[]),
         ("compare r1.exr r2.exr --error-map new.png".to_owned(), &["new.png"]),
-        (format!("{scene} -o new.csv"), &["new.csv"]),
+        (format!("{scene} -o new.csv"), &["new.csv", "new.exr"]),
         ("bench stability --short -o new.csv --markdown new.md".to_owned(), &["new.csv", "new.md"]),
     ]
 }

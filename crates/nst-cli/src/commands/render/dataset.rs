@@ -31,8 +31,9 @@ pub(super) fn run(args: &RenderArgs, runs: u32) -> Result<Done, Error> {
     let settings = settings(args, DEFAULT_WINDOW, KeepArg::All);
     if settings.seed.checked_add(u64::from(runs - 1)).is_none() {
         return Err(Error::Usage(format!(
-            "--seed {} is too large for {runs} runs, whose seeds count up from it",
-            settings.seed
+            "--seed {} is too large for {}, whose seeds count up from it",
+            settings.seed,
+            counted(runs as usize, "run")
         )));
     }
     let scene = load_scene(args, None)?;

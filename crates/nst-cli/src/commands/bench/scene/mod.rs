@@ -19,6 +19,7 @@ use crate::{
     progress::Progress,
     report::Done,
     results::{PLAIN, Results, Row},
+    words::counted,
 };
 use measure::{Meter, Methods};
 use reference::Reference;
@@ -90,14 +91,16 @@ pub(super) fn run(args: &BenchSceneArgs) -> Result<Done, Error> {
 }
 
 fn check_seeds(args: &BenchSceneArgs) -> Result<(), Error> {
-    // The last two are the reference's.
     let last = args.seed.checked_add(u64::from(args.runs - 1));
-    if last.is_some_and(|last| last < u64::MAX - 1) {
+    // A reference that is rendered takes the last two.
+    let free = |last: u64| !args.reference.is_empty() || last < reference::SEEDS[0];
+    if last.is_some_and(free) {
         return Ok(());
     }
     Err(Error::Usage(format!(
-        "--seed {} is too large for {} runs, whose seeds count up from it",
-        args.seed, args.runs
+        "--seed {} is too large for {}, whose seeds count up from it",
+        args.seed,
+        counted(args.runs as usize, "run")
     )))
 }
 

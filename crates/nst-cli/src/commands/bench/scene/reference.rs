@@ -9,7 +9,7 @@ use nst_render::{Control, RenderSettings, SamplerKind, Scene, render_from};
 use crate::{args::CommonArgs, error::Error, interrupt, progress::Progress, system::VERSION};
 
 /// The seeds of the halves; no run has them.
-const SEEDS: [u64; 2] = [u64::MAX - 1, u64::MAX];
+pub(super) const SEEDS: [u64; 2] = [u64::MAX - 1, u64::MAX];
 
 /// The true values, as well as they are known.
 pub(super) struct Reference {
