@@ -80,8 +80,9 @@ fn write(
             .chain([&last, &variance].into_iter().flatten().map(AsRef::as_ref))
             .collect();
         timed(&mut watch.io, || {
-            picture.push(&layers)?;
-            png.push(estimates.values(), channels)
+            let (exr, png) =
+                rayon::join(|| picture.push(&layers), || png.push(estimates.values(), channels));
+            exr.and(png)
         })?;
     }
     watch.io += strips.time;

@@ -238,8 +238,11 @@ fn write_pictures(
 ) -> Result<Vec<String>, Error> {
     let mut layers = vec![("", values), ("S", batch.last())];
     layers.extend(batch.side(&Side::Variance).map(|variance| ("Variance", variance)));
-    write_exr(&mut exr, size, ColorModel::Rgb, &layers)?;
-    png::write(&mut png, size, values)?;
+    let (exr_written, png_written) = rayon::join(
+        || write_exr(&mut exr, size, ColorModel::Rgb, &layers),
+        || png::write(&mut png, size, values),
+    );
+    exr_written.and(png_written)?;
     let written = [&exr, &png].map(|file| file.path().display().to_string());
     commit([exr, png])?;
     Ok(written.into())
