@@ -201,13 +201,15 @@ fn seeds_that_are_too_large_for_the_runs() {
         (scene, last, runs[0]),
         (scene, last - 1, runs[1]),
     ] {
+        let args = format!("{args} --seed {seed} {runs}");
+        let args = if args.starts_with("bench") { args + " -o t.csv" } else { args };
         let words = [&*format!("--seed {seed}"), "too large", runs.trim_start_matches("--runs ")];
-        fails(&bench, &format!("{args} --seed {seed} {runs}"), 2, &words);
+        fails(&bench, &args, 2, &words);
     }
     // A seed alone may be the last.
     bench.succeed(&format!("render --scene x.obj --spp 1 --size 4x4 -q --seed {last}"));
-    bench.succeed(&format!("{scene} --runs 1 -q --seed {last}"));
-    bench.succeed(&format!("{scene} --runs 2 -q --seed {}", last - 1));
+    bench.succeed(&format!("{scene} --runs 1 -q -o one.csv --seed {last}"));
+    bench.succeed(&format!("{scene} --runs 2 -q -o two.csv --seed {}", last - 1));
 }
 
 #[test]

@@ -6,7 +6,8 @@ use std::{
     path::Path,
 };
 
-use ::png::{Encoder, EncodingError, StreamWriter};
+use ::png::{Compression, Encoder, EncodingError, StreamWriter};
+use rayon::prelude::*;
 
 use crate::{
     Error,
@@ -56,6 +57,8 @@ impl<'a> PngWriter<'a> {
         let file = file.map_err(|error| Error::io("write", output.path(), error))?;
         let mut png = Encoder::new(file, size[0], size[1]);
         png.set_color(::png::ColorType::Rgb);
+        // Three times as fast as the default, for noise 9 % larger.
+        png.set_compression(Compression::Fast);
         png.set_source_srgb(::png::SrgbRenderingIntent::Perceptual);
         let stream = png
             .add_text_chunk("Software".into(), SOFTWARE.into())
@@ -75,9 +78,10 @@ impl<'a> PngWriter<'a> {
     pub fn push(&mut self, lanes: &[f32], channels: usize) -> Result<(), Error> {
         let pixels = lanes.len() / channels;
         let lane = |channel: usize, i: usize| lanes[channel.min(channels - 1) * pixels + i];
-        let bytes: Vec<u8> = (0..pixels)
-            .flat_map(|i| [0, 1, 2].map(|channel| srgb_byte(lane(channel, i))))
-            .collect();
+        let pixel = |i| [0, 1, 2].map(|channel| srgb_byte(lane(channel, i)));
+        let mut bytes = vec![0; 3 * pixels];
+        let (chunks, _) = bytes.as_chunks_mut();
+        chunks.par_iter_mut().enumerate().for_each(|(i, bytes)| *bytes = pixel(i));
         self.push_bytes(&bytes)
     }
 

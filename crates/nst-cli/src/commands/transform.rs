@@ -86,8 +86,11 @@ fn write(
             .chain([&last, &variance].into_iter().flatten().map(AsRef::as_ref))
             .collect();
         timed(&mut watch.io, || {
-            exr.as_mut().map_or(Ok(()), |exr| exr.push(&layers))?;
-            png.push(estimates.values(), channels)
+            let (exr, png) = rayon::join(
+                || exr.as_mut().map_or(Ok(()), |exr| exr.push(&layers)),
+                || png.push(estimates.values(), channels),
+            );
+            exr.and(png)
         })?;
         progress.advance(estimates.values().len() as u64);
     }

@@ -1,13 +1,14 @@
 //! Single-part scanline EXR files, read and written some rows at a time, so that a picture
 //! with hundreds of channels need not fit into memory.
 //!
-//! The exr crate parses headers and (de)compresses blocks. This module reads where the
-//! blocks are in the file, and compares every size with the file's length before it
+//! The exr crate parses headers and decompresses blocks. This module compresses them, reads
+//! where they are in a file, and compares every size with the file's length before it
 //! allocates memory.
 
 mod parts;
 mod reader;
 mod writer;
+mod zip;
 
 pub(crate) use parts::{Attribute, Attributes, Channel, text};
 pub(crate) use reader::{RowReader, Rows};

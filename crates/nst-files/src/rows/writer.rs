@@ -8,7 +8,7 @@ use std::{
 };
 
 use exr::{
-    block::{BlockIndex, UncompressedBlock, chunk::Chunk},
+    block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock},
     meta::{
         BlockDescription, MetaData,
         attribute::{AttributeValue, ChannelDescription, Compression, LineOrder, Text},
@@ -19,10 +19,13 @@ use exr::{
 };
 use rayon::prelude::*;
 
-use super::parts::{Attribute, Attributes, Channel, SAMPLE};
+use super::{
+    parts::{Attribute, Attributes, Channel, SAMPLE},
+    zip,
+};
 use crate::{
     Error,
-    limits::BLOCK_ROWS,
+    limits::{BLOCK_ROWS, STRIP_BYTES},
     output_file::{OutputFile, SOFTWARE},
 };
 
@@ -36,6 +39,8 @@ pub(crate) struct RowWriter<'a> {
     /// Where the table of blocks begins, and what it will contain.
     table: u64,
     offsets: Vec<u64>,
+    /// Compressed blocks, which are written while the next ones are compressed.
+    pending: Vec<Vec<u8>>,
 }
 
 impl<'a> RowWriter<'a> {
@@ -63,7 +68,7 @@ impl<'a> RowWriter<'a> {
                 Ok(table)
             })
             .map_err(|error| Error::exr("write", &path, error))?;
-        Ok(Self { path, file, header, order, table, offsets: Vec::new() })
+        Ok(Self { path, file, header, order, table, offsets: Vec::new(), pending: Vec::new() })
     }
 
     /// Appends rows: `planes` are the channels in the order given to
@@ -72,26 +77,27 @@ impl<'a> RowWriter<'a> {
     /// All calls but the last need a multiple of [`BLOCK_ROWS`] rows.
     pub(crate) fn push(&mut self, planes: &[&[u8]]) -> Result<(), Error> {
         self.check(planes)?;
-        let block_bytes = self.row_bytes() * BLOCK_ROWS as usize;
-        let count = planes[0].len().div_ceil(block_bytes);
-        // A few blocks for each thread, so that few wait to be written.
-        let group = 2 * rayon::current_num_threads();
+        let block = self.row_bytes() * BLOCK_ROWS as usize;
+        let count = planes[0].len().div_ceil(block);
+        // Threads wait for each other after a group: it is of a few blocks for each, unless
+        // these are large.
+        let threads = rayon::current_num_threads();
+        let group = (STRIP_BYTES / (block * planes.len())).clamp(threads, 4 * threads);
         for first in (0..count).step_by(group) {
-            let blocks = (first..count.min(first + group))
-                .into_par_iter()
-                .map(|block| {
-                    let end = planes[0].len().min((block + 1) * block_bytes);
-                    let number = self.offsets.len() + block - first;
-                    self.compress(planes, block * block_bytes..end, number)
-                })
-                .collect::<Result<Vec<_>, _>>();
-            let written = blocks.and_then(|blocks| {
-                blocks.iter().try_for_each(|block| {
-                    self.offsets.push(self.file.stream_position()?);
-                    block.write(&mut self.file, 1)
-                })
-            });
+            let pending = std::mem::take(&mut self.pending);
+            let (row, order) = (self.row_bytes(), &self.order);
+            let compress = |i| {
+                let end = planes[0].len().min((i + 1) * block);
+                compress(planes, order, i * block..end, row)
+            };
+            let blocks = first..count.min(first + group);
+            let (file, offsets) = (&mut self.file, &mut self.offsets);
+            let (written, blocks) = rayon::join(
+                || pending.into_iter().try_for_each(|block| write(file, offsets, block)),
+                || blocks.into_par_iter().map(compress).collect(),
+            );
             written.map_err(|error| Error::exr("write", &self.path, error))?;
+            self.pending = blocks;
         }
         Ok(())
     }
@@ -105,7 +111,8 @@ impl<'a> RowWriter<'a> {
     fn check(&self, planes: &[&[u8]]) -> Result<(), Error> {
         let height = self.header[0].layer_size.height();
         let rows = planes.first().map_or(0, |plane| plane.len()) / self.row_bytes();
-        let end = self.offsets.len() * BLOCK_ROWS as usize + rows;
+        let blocks = self.offsets.len() + self.pending.len();
+        let end = blocks * BLOCK_ROWS as usize + rows;
         let alike = planes.iter().all(|plane| plane.len() == rows * self.row_bytes());
         let whole_blocks = end == height || rows.is_multiple_of(BLOCK_ROWS as usize);
         if planes.len() == self.order.len() && alike && end <= height && whole_blocks {
@@ -120,41 +127,22 @@ impl<'a> RowWriter<'a> {
         )))
     }
 
-    /// Compresses a block: its number in the file, and its range of bytes in each plane.
-    fn compress(
-        &self,
-        planes: &[&[u8]],
-        place: Range<usize>,
-        number: usize,
-    ) -> exr::error::Result<Chunk> {
-        let row = self.row_bytes();
-        let mut data = Vec::with_capacity(place.len() * planes.len());
-        for start in place.clone().step_by(row) {
-            for &channel in &self.order {
-                data.extend_from_slice(&planes[channel][start..start + row]);
-            }
-        }
-        let index = BlockIndex {
-            layer: 0,
-            pixel_position: Vec2(0, number * BLOCK_ROWS as usize),
-            pixel_size: Vec2(row / SAMPLE, place.len() / row),
-            level: Vec2(0, 0),
-        };
-        UncompressedBlock { index, data }.compress_to_chunk(&self.header)
-    }
-
     /// Completes the file; all its rows must have been pushed. The caller commits the
     /// output.
     pub(crate) fn finish(mut self) -> Result<(), Error> {
-        if self.offsets.len() != self.header[0].chunk_count {
+        let pending = std::mem::take(&mut self.pending);
+        let blocks = self.offsets.len() + pending.len();
+        if blocks != self.header[0].chunk_count {
             let message = format!(
-                "'{}': {} of {} blocks of rows were given",
+                "'{}': {blocks} of {} blocks of rows were given",
                 self.path.display(),
-                self.offsets.len(),
                 self.header[0].chunk_count
             );
             return Err(Error::Mismatch(message));
         }
+        let (file, offsets) = (&mut self.file, &mut self.offsets);
+        let written = pending.into_iter().try_for_each(|block| write(file, offsets, block));
+        written.map_err(|error| Error::exr("write", &self.path, error))?;
         let table: Vec<u8> = self.offsets.iter().flat_map(|offset| offset.to_le_bytes()).collect();
         let written = self.file.seek(SeekFrom::Start(self.table));
         let written = written.and_then(|_| self.file.write_all(&table));
@@ -162,6 +150,27 @@ impl<'a> RowWriter<'a> {
             .and_then(|()| self.file.flush())
             .map_err(|error| Error::io("write", &self.path, error))
     }
+}
+
+/// Compresses a block: its range of bytes in each plane, whose rows have `row` bytes. The
+/// file has the planes in this order.
+fn compress(planes: &[&[u8]], order: &[usize], place: Range<usize>, row: usize) -> Vec<u8> {
+    let starts = place.step_by(row);
+    let rows = starts.flat_map(|start| order.iter().map(move |&i| &planes[i][start..start + row]));
+    zip::compress(&rows.collect::<Vec<_>>())
+}
+
+/// Appends the next compressed block to the file.
+fn write(
+    file: &mut BufWriter<&mut File>,
+    offsets: &mut Vec<u64>,
+    block: Vec<u8>,
+) -> exr::error::UnitResult {
+    // EXR windows are i32.
+    let y_coordinate = offsets.len() as i32 * BLOCK_ROWS as i32;
+    let block = CompressedScanLineBlock { y_coordinate, compressed_pixels_le: block };
+    offsets.push(file.stream_position()?);
+    Chunk { layer_index: 0, compressed_block: CompressedBlock::ScanLine(block) }.write(file, 1)
 }
 
 /// The header of a file with these channels, which are sorted.

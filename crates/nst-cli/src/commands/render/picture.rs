@@ -248,9 +248,11 @@ fn write(
 ) -> Result<Vec<String>, Error> {
     let mut layers = vec![("", values), ("S", batch.last())];
     layers.extend(batch.side(&Side::Variance).map(|variance| ("Variance", variance)));
-    if let Some(exr) = &mut files.exr {
-        write_exr(exr, size, ColorModel::Rgb, &layers)?;
-    }
-    png::write(&mut files.png, size, values)?;
+    let PictureFiles { exr, png } = &mut files;
+    let (exr_written, png_written) = rayon::join(
+        || exr.as_mut().map_or(Ok(()), |exr| write_exr(exr, size, ColorModel::Rgb, &layers)),
+        || png::write(png, size, values),
+    );
+    exr_written.and(png_written)?;
     files.commit()
 }
