@@ -7,6 +7,7 @@
 
 mod adapter;
 mod args;
+mod chart;
 mod commands;
 mod error;
 #[cfg(feature = "gpu")]
@@ -15,7 +16,6 @@ mod interrupt;
 mod method;
 mod progress;
 mod report;
-#[allow(dead_code, unused_imports, reason = "the commands that use it come next")]
 mod results;
 mod summary;
 mod system;

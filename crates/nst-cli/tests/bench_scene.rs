@@ -5,7 +5,7 @@ mod common;
 use std::{collections::BTreeMap, path::PathBuf, process::Command};
 
 use common::{Bench, cornell, read_layer};
-use nst_core::{Estimates, Transform, methods::method, metrics};
+use nst_core::{Estimates, methods::method, metrics};
 use nst_files::sequence_file::SequenceFile;
 
 /// Rows by method, samples and run; each by column.

@@ -2,6 +2,7 @@
 
 #[cfg(feature = "render")]
 mod bench;
+mod chart;
 mod common;
 mod method;
 mod pack;
@@ -15,6 +16,7 @@ use clap::{Parser, Subcommand};
 
 #[cfg(feature = "render")]
 pub(crate) use bench::{Bench, BenchArgs, BenchSceneArgs, BenchStabilityArgs, NamedPicture};
+pub(crate) use chart::ChartArgs;
 pub(crate) use common::CommonArgs;
 pub(crate) use method::{BackendArg, MethodArgs, TransformArg};
 pub(crate) use pack::{PackArgs, PackAs};
@@ -42,6 +44,7 @@ pub(crate) enum Command {
     Compare(CompareArgs),
     #[cfg(feature = "render")]
     Bench(BenchArgs),
+    Chart(ChartArgs),
     Completions(CompletionsArgs),
     Man(ManArgs),
 }
@@ -57,6 +60,7 @@ impl Command {
             Self::Merge(args) => &args.common,
             Self::Info(args) => &args.common,
             Self::Compare(args) => &args.common,
+            Self::Chart(args) => &args.common,
             Self::Completions(args) => &args.common,
             Self::Man(args) => &args.common,
             #[cfg(feature = "render")]

@@ -2,6 +2,7 @@
 
 #[cfg(feature = "render")]
 mod bench;
+mod chart;
 mod compare;
 mod describe;
 mod info;
@@ -28,6 +29,7 @@ pub(crate) fn run(command: &Command) -> Result<Done, Error> {
         Command::Compare(args) => compare::run(args).map(Done::whole),
         #[cfg(feature = "render")]
         Command::Bench(args) => bench::run(args),
+        Command::Chart(args) => chart::run(args).map(Done::whole),
         Command::Completions(args) => describe::completions(args).map(Done::whole),
         Command::Man(args) => describe::manual(args).map(Done::whole),
     }

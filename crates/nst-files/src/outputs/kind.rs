@@ -33,6 +33,8 @@ pub enum Kind {
     Csv,
     /// A document as text.
     Markdown,
+    /// A drawing as text.
+    Svg,
 }
 
 /// What was found at a path.
@@ -52,6 +54,7 @@ impl Kind {
             Self::Dataset => "a dataset",
             Self::Csv => "a CSV table",
             Self::Markdown => "a Markdown document",
+            Self::Svg => "an SVG drawing",
         }
     }
 
@@ -109,6 +112,11 @@ impl Found {
         let named =
             |wanted: &str| path.extension().is_some_and(|it| it.eq_ignore_ascii_case(wanted));
         let text = text_at(&start);
+        if is_svg(text) && named("svg") {
+            // As charts say near their beginning.
+            let program = text.split_once("<metadata>").map_or("", |(_, rest)| rest);
+            return Ok(Self { kind: Some(Kind::Svg), ours: is_ours(program) });
+        }
         let first_line = text.lines().next().unwrap_or_default();
         let kind = if first_line.starts_with("# ") && named("md") {
             Some(Kind::Markdown)
@@ -132,6 +140,11 @@ fn text_at(start: &[u8]) -> &str {
         Err(_) => "",
     };
     if text.contains('\0') { "" } else { text }
+}
+
+/// Whether a text begins as an SVG drawing.
+fn is_svg(text: &str) -> bool {
+    text.starts_with("<svg") || (text.starts_with("<?xml") && text.contains("<svg"))
 }
 
 /// Whether a text names this program, in any version.
@@ -162,6 +175,9 @@ mod tests {
             ("x", "", &[Kind::Picture, Kind::Csv, Kind::Dataset][..]),
             ("x.csv", "method,spp\nS,1\n", &[Kind::Csv]),
             ("x.md", "# Stability\n", &[Kind::Markdown]),
+            ("x.svg", "<?xml version=\"1.0\"?>\n<svg>a, b</svg>\n", &[Kind::Svg]),
+            ("x.csv", "<svg a,b", &[Kind::Csv]),
+            ("x.svg", "# a, b\n", &[]),
             ("x.obj", "# Blender 4.2, of a box\nv 1 2 3\n", &[]),
             ("x.toml", "size = [1, 2]\n", &[]),
             ("x.csv", "a,\0b", &[]),
@@ -170,7 +186,7 @@ mod tests {
             let path = folder.path().join(file);
             let open = |kind, name| Outputs::default().open(&path, kind, name).map(drop);
             std::fs::write(&path, content)?;
-            for kind in [Kind::Picture, Kind::Csv, Kind::Markdown, Kind::Dataset] {
+            for kind in [Kind::Picture, Kind::Csv, Kind::Markdown, Kind::Dataset, Kind::Svg] {
                 let allowed = content.is_empty() || allowed.contains(&kind);
                 assert_eq!(open(kind, Name::Given).is_ok(), allowed, "{kind:?} over {content:?}");
             }
@@ -195,6 +211,19 @@ mod tests {
         {
             assert_eq!(text_at(start), expected);
         }
+    }
+
+    #[test]
+    fn drawings_say_who_wrote_them() -> Result<(), Box<dyn std::error::Error>> {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join("x.svg");
+        for (program, ours) in [(SOFTWARE, true), ("nstar 2", false)] {
+            std::fs::write(&path, format!("<svg>\n <metadata>{program}</metadata>\n</svg>"))?;
+            let open = |name| Outputs::default().open(&path, Kind::Svg, name);
+            assert_eq!(open(Name::Default).is_ok(), ours, "{program}");
+            assert!(open(Name::Given).is_ok());
+        }
+        Ok(())
     }
 
     /// A texture in the model's folder, say.
