@@ -49,6 +49,8 @@ pub struct Picture {
     /// The attribute `samplesPerPixel`, or Blender's `cycles.VIEW.samples`, where the file
     /// has it as a whole number above 0.
     pub samples_per_pixel: Option<u32>,
+    /// What the file says instead, where that is no such number: the attribute and its value.
+    pub samples_unclear: Option<String>,
 }
 
 impl Picture {
@@ -81,6 +83,7 @@ impl Picture {
             };
             return Err(Error::malformed(path, message));
         }
+        let samples = samples_per_pixel(part, &layer.name);
         let [width, height] = part.size;
         Grid::new(width, height, layer.channels.len() as u32, 0)
             .map_err(|error| Error::malformed(path, error.to_string()))?;
@@ -92,7 +95,8 @@ impl Picture {
             display: part.display,
             chromaticities: part.chromaticities,
             channel_names: channels().map(|channel| channel.name.clone()).collect(),
-            samples_per_pixel: samples_per_pixel(part, &layer.name),
+            samples_per_pixel: samples.as_ref().and_then(|samples| samples.as_ref().ok().copied()),
+            samples_unclear: samples.and_then(Result::err),
             channels: layer.channels,
             layer: layer.name,
         })
@@ -279,14 +283,15 @@ fn read_line(line: &LineRef<'_>, kind: SampleType, lanes: &mut [f32]) -> exr::er
 }
 
 /// pbrt writes an integer; other programs write text or a float; Blender, one for each view
-/// layer.
-fn samples_per_pixel(part: &Part, layer: &str) -> Option<u32> {
+/// layer. An attribute that is no whole number above 0 is returned as text.
+fn samples_per_pixel(part: &Part, layer: &str) -> Option<Result<u32, String>> {
     let view = layer.split('.').next().unwrap_or_default();
     let names = ["samplesPerPixel".to_owned(), format!("cycles.{view}.samples")];
-    let text = names.iter().find_map(|name| part.attributes.get(name))?;
-    let number = text.trim().parse::<f64>().ok()?;
-    (number >= 1.0 && number <= f64::from(u32::MAX) && number.fract() == 0.0)
-        .then_some(number as u32)
+    let found = names.iter().find_map(|name| Some((name, part.attributes.get(name)?)));
+    let (name, text) = found?;
+    let number = text.trim().parse::<f64>().unwrap_or_default();
+    let is_count = number >= 1.0 && number <= f64::from(u32::MAX) && number.fract() == 0.0;
+    Some(if is_count { Ok(number as u32) } else { Err(format!("{name} = {text}")) })
 }
 
 #[cfg(test)]
