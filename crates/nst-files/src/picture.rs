@@ -416,14 +416,15 @@ mod tests {
             channels: Vec::new(),
             attributes: [("samplesPerPixel".to_owned(), text.to_owned())].into(),
         };
-        assert_eq!(samples_per_pixel(&part("16"), ""), Some(16));
-        assert_eq!(samples_per_pixel(&part("16.0"), ""), Some(16));
+        assert_eq!(samples_per_pixel(&part("16"), ""), Some(Ok(16)));
+        assert_eq!(samples_per_pixel(&part("16.0"), ""), Some(Ok(16)));
         for bad in ["0", "-1", "1.5", "many", "NaN", "1e99"] {
-            assert_eq!(samples_per_pixel(&part(bad), ""), None, "{bad}");
+            let unclear = Some(Err(format!("samplesPerPixel = {bad}")));
+            assert_eq!(samples_per_pixel(&part(bad), ""), unclear, "{bad}");
         }
         let mut blender = part("");
         blender.attributes = [("cycles.My view.samples".to_owned(), "32".to_owned())].into();
-        assert_eq!(samples_per_pixel(&blender, "My view.Combined"), Some(32));
+        assert_eq!(samples_per_pixel(&blender, "My view.Combined"), Some(Ok(32)));
         assert_eq!(samples_per_pixel(&blender, "Other.Combined"), None);
     }
 }
