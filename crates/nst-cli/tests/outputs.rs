@@ -223,6 +223,57 @@ fn links_are_what_they_lead_to() {
     assert!(bench.path("later.exr").is_symlink() && bench.path("x.exr").is_file());
 }
 
+/// Each command says so before it computes anything, and in which folder it could not write.
+#[cfg(unix)]
+#[test]
+fn places_where_nothing_can_be_written() {
+    let bench = scenes();
+    sequences(&bench);
+    let scene = "bench scene --scene plain.obj --reference r1.exr --spp 1 --runs 1";
+    let jobs = [
+        (format!("{RENDER} --scene plain.obj -o @.exr"), "exr"),
+        (format!("{RENDER} --scene plain.obj -o free.exr --sequence @.exr"), "exr"),
+        (format!("{RENDER} --scene plain.obj --runs 2 -o @.safetensors"), "safetensors"),
+        ("transform s1.exr -o @.exr".to_owned(), "exr"),
+        ("pack r1.exr r2.exr --as samples --spp 4 -o @.exr".to_owned(), "exr"),
+        ("pack s1.exr s2.exr --as runs -o @.safetensors".to_owned(), "safetensors"),
+        ("merge s1.exr s2.exr -o @.exr".to_owned(), "exr"),
+        ("compare r1.exr r2.exr --error-map @.png".to_owned(), "png"),
+        (format!("{scene} -o @.csv"), "csv"),
+        ("bench stability --short -o @.csv".to_owned(), "csv"),
+        ("bench stability --short -o free.csv --markdown @.md".to_owned(), "md"),
+    ];
+    for extension in ["exr", "safetensors", "png", "csv", "md"] {
+        let path = |name: &str| bench.path(&format!("{name}.{extension}"));
+        std::fs::create_dir(path("folder")).expect("a folder");
+        std::os::unix::fs::symlink(format!("gone/x.{extension}"), path("lost")).expect("a link");
+        std::os::unix::fs::symlink(path("folder"), path("link")).expect("a link");
+        let status = std::process::Command::new("mkfifo").arg(path("pipe")).status();
+        assert!(status.expect("mkfifo runs").success());
+    }
+    let names = || bench.files();
+    let before = names();
+    for (job, extension) in jobs {
+        for (name, code, words) in [
+            ("folder", 1, "it is a folder; give another name"),
+            ("link", 1, "it is a folder; give another name"),
+            ("pipe", 2, "it is not an ordinary file; give another name"),
+            ("gone/x", 1, "there is no folder 'gone'; create it, or give another name"),
+            ("lost", 1, "there is no folder './gone'; create it, or give another name"),
+            ("plain.obj/x", 1, "'plain.obj' is no folder; give another name"),
+        ] {
+            let args = job.replace('@', name);
+            let output = bench.nst(&args);
+            let stderr = String::from_utf8(output.stderr).expect("UTF-8");
+            assert_eq!(output.status.code(), Some(code), "nst {args}\n{stderr}");
+            assert!(stderr.contains(words), "nst {args}\n{stderr}");
+            assert!(stderr.contains(&format!("'{name}.{extension}'")), "nst {args}\n{stderr}");
+            assert!(!stderr.contains(".nst-"), "a temporary file's name is no help: {stderr}");
+            assert_eq!(names(), before, "nst {args}");
+        }
+    }
+}
+
 #[test]
 fn only_the_sequence_that_is_continued_may_be_brought_up_to_date() {
     let bench = scenes();

@@ -14,7 +14,7 @@ use exr::{
 };
 
 pub use crate::window::Window;
-use crate::{Error, blender::combined, limits::MOST_DEFLATED, rows::text};
+use crate::{Error, blender::combined, limits::MOST_DEFLATED, rows::text, window::check_not_empty};
 
 /// The first bytes of every EXR file: 20000630, little-endian.
 const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
@@ -148,13 +148,13 @@ impl ExrHeader {
             .iter()
             .map(|layer| if layer.name.is_empty() { "the main picture" } else { &layer.name })
             .collect();
-        let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+        let names = listed(&names);
         let Some(name) = name else {
             if let Some(main) = layers.iter().position(|layer| layer.name.is_empty()) {
                 return Ok(layers.swap_remove(main));
             }
             if layers.is_empty() {
-                let channels = self.channel_names().join(", ");
+                let channels = listed(&self.channel_names());
                 let has = |name: &str| self.all_channels().any(|c| self.channel(c).ends_with(name));
                 return Err(if has("RY") && has("BY") {
                     format!(
@@ -191,7 +191,7 @@ impl ExrHeader {
         }
         Err(format!(
             "no layer '{name}'; its layers are {names}; its channels are {}",
-            self.channel_names().join(", ")
+            listed(&self.channel_names())
         ))
     }
 
@@ -231,6 +231,22 @@ impl ExrHeader {
     }
 }
 
+/// The most names in a message; Blender's files have some dozens.
+const MOST_LISTED: usize = 100;
+
+/// Names as text; of a very long list, the middle is left out.
+fn listed(names: &[impl AsRef<str>]) -> String {
+    let names: Vec<_> = names.iter().map(AsRef::as_ref).collect();
+    match names.len() {
+        0 => "none".to_owned(),
+        1..=MOST_LISTED => names.join(", "),
+        count => {
+            let [start, end] = [&names[..MOST_LISTED / 2], &names[count - MOST_LISTED / 2..]];
+            format!("{}, …, {} ({count} in all)", start.join(", "), end.join(", "))
+        }
+    }
+}
+
 impl Part {
     /// The channels, grouped by the part of their names before the last dot.
     fn groups(&self) -> BTreeMap<&str, Vec<(&str, usize)>> {
@@ -263,6 +279,7 @@ fn picture<'a>(group: &[(&'a str, usize)]) -> Option<(&'a str, Vec<usize>)> {
 
 /// Reads the headers, ready to go on with the pixels.
 pub(crate) fn open(path: &Path) -> Result<Reader<BufReader<File>>, Error> {
+    check_not_empty(path)?;
     let file = File::open(path).map_err(|error| Error::io("read", path, error))?;
     block::read(BufReader::new(file), false).map_err(|error| Error::exr("read", path, error))
 }

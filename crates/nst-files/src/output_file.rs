@@ -2,6 +2,7 @@
 
 use std::{
     fs::File,
+    io,
     path::{Path, PathBuf},
 };
 
@@ -34,17 +35,19 @@ impl OutputFile {
         let failed = |error| Error::io("write", path, error);
         let target = target(path).map_err(failed)?;
         if target.is_dir() {
-            return Err(failed(std::io::ErrorKind::IsADirectory.into()));
+            let why = "it is a folder; give another name";
+            return Err(failed(io::Error::new(io::ErrorKind::IsADirectory, why)));
         }
         if target.exists() && !target.is_file() {
             // A file that is renamed to the name of a device replaces the device.
-            return Err(Error::output(path, "it is not an ordinary file"));
+            return Err(Error::output(path, "it is not an ordinary file; give another name"));
         }
         let old = std::fs::metadata(&target).ok();
         if old.as_ref().is_some_and(|file| file.permissions().readonly()) {
             return Err(Error::output(path, "the file there is read-only; give another name"));
         }
-        let file = Temporary::create(folder_of(&target)).map_err(failed)?;
+        let folder = folder_of(&target);
+        let file = Temporary::create(folder).map_err(|error| failed(plain(error, folder)))?;
         // Who could not read the old file cannot read the new one.
         if let Some(old) = old {
             file.as_file().set_permissions(old.permissions()).map_err(failed)?;
@@ -83,7 +86,8 @@ impl OutputFile {
 }
 
 /// Puts finished files in their places; files that were there are replaced. All are on the
-/// disk before the first is renamed, so that a full disk leaves every old file.
+/// disk before the first is renamed, so that a full disk leaves every old file; a signal finds
+/// all of them renamed, or none.
 ///
 /// # Errors
 /// [`Error::Io`] if one cannot be stored or renamed.
@@ -95,14 +99,32 @@ pub fn commit(outputs: impl IntoIterator<Item = OutputFile>) -> Result<(), Error
         let stored = output.file.as_file().sync_all();
         stored.map_err(|error| Error::io("write", &output.path, error))?;
     }
-    for OutputFile { file, path, target } in outputs {
-        file.persist(&target).map_err(|error| Error::io("write", &path, error))?;
-    }
-    Ok(())
+    let renamed =
+        outputs.into_iter().map(|OutputFile { file, path, target }| ((file, target), path));
+    let (files, paths): (_, Vec<_>) = renamed.unzip();
+    Temporary::persist(files).map_err(|(i, error)| Error::io("write", &paths[i], error))
+}
+
+/// Why no file could be created in a folder, without the name of the temporary file.
+fn plain(error: io::Error, folder: &Path) -> io::Error {
+    use io::ErrorKind::{
+        NotADirectory, NotFound, PermissionDenied, ReadOnlyFilesystem, StorageFull,
+    };
+    let kind = error.kind();
+    let folder = folder.display();
+    let why = match kind {
+        NotFound => format!("there is no folder '{folder}'; create it, or give another name"),
+        NotADirectory => format!("'{folder}' is no folder; give another name"),
+        PermissionDenied => format!("the folder '{folder}' may not be written to"),
+        ReadOnlyFilesystem => format!("the folder '{folder}' is on a read-only disk"),
+        StorageFull => format!("the disk of the folder '{folder}' is full"),
+        _ => return error,
+    };
+    io::Error::new(kind, why)
 }
 
 /// Where a path leads: to the file behind a link, whether it exists or not.
-fn target(path: &Path) -> std::io::Result<PathBuf> {
+fn target(path: &Path) -> io::Result<PathBuf> {
     if path.is_symlink() {
         let link = std::fs::read_link(path)?;
         // A link may lead to further links; if the last leads to no file, the first is

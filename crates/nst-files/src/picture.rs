@@ -51,6 +51,8 @@ pub struct Picture {
     pub samples_per_pixel: Option<u32>,
     /// The name of the attribute that [`Self::samples_per_pixel`] is from.
     pub samples_attribute: Option<String>,
+    /// What the file says instead, where that is no such number: the attribute and its value.
+    pub samples_unclear: Option<String>,
     /// The attribute `renderTimeSeconds`, where it is a number above 0.
     pub render_seconds: Option<f64>,
     /// The colour space that the file names (`colorInteropID` of the Color Interop Forum),
@@ -93,7 +95,7 @@ impl Picture {
         let [width, height] = part.size;
         Grid::new(width, height, layer.channels.len() as u32, 0)
             .map_err(|error| Error::malformed(path, error.to_string()))?;
-        let (samples_attribute, samples_per_pixel) = samples_per_pixel(&header, &layer).unzip();
+        let samples = samples_per_pixel(&header, &layer);
         let before_denoising = blender::before_denoising(&layer.name);
         Ok(Self {
             path: path.to_owned(),
@@ -103,8 +105,9 @@ impl Picture {
             display: part.display,
             chromaticities: part.chromaticities,
             channel_names: channels().map(|channel| channel.name.clone()).collect(),
-            samples_per_pixel,
-            samples_attribute,
+            samples_per_pixel: samples.as_ref().and_then(|it| it.1.as_ref().ok().copied()),
+            samples_attribute: samples.as_ref().map(|it| it.0.clone()),
+            samples_unclear: samples.and_then(|it| it.1.err()),
             render_seconds: render_seconds(part),
             color_space: primaries::foreign_space(&part.attributes),
             before_denoising: before_denoising
@@ -314,15 +317,17 @@ fn read_line(line: &LineRef<'_>, kind: SampleType, lanes: &mut [f32]) -> exr::er
 
 /// The attribute with the samples per pixel, and its value: pbrt writes an integer; other
 /// programs write text or a float; Blender, one for each view layer, all in the first part.
-fn samples_per_pixel(header: &ExrHeader, layer: &Layer) -> Option<(String, u32)> {
+/// One that is no whole number above 0 is returned as text.
+fn samples_per_pixel(header: &ExrHeader, layer: &Layer) -> Option<(String, Result<u32, String>)> {
     const OWN: &str = "samplesPerPixel";
     let own = header.parts[layer.part].attributes.get(OWN).map(|value| (OWN, value.as_str()));
     let all = || header.parts.iter().flat_map(|part| &part.attributes);
     let blenders = || blender::samples(all().map(|(name, value)| (&**name, &**value)), &layer.name);
     let (name, text) = own.or_else(blenders)?;
-    let number = text.trim().parse::<f64>().ok()?;
-    (number >= 1.0 && number <= f64::from(u32::MAX) && number.fract() == 0.0)
-        .then(|| (name.to_owned(), number as u32))
+    let number = text.trim().parse::<f64>().unwrap_or_default();
+    let is_count = number >= 1.0 && number <= f64::from(u32::MAX) && number.fract() == 0.0;
+    let count = if is_count { Ok(number as u32) } else { Err(format!("{name} = {text}")) };
+    Some((name.to_owned(), count))
 }
 
 /// How long the picture took, as pbrt and `nst` write it.
@@ -467,11 +472,12 @@ mod tests {
                 ExrHeader { parts: vec![part([blender].into()), part(own.into_iter().collect())] };
             samples_per_pixel(&header, &Layer { name: layer.into(), part: 1, channels: vec![] })
         };
-        let some = |name: &str, value| Some((name.to_owned(), value));
+        let some = |name: &str, value| Some((name.to_owned(), Ok(value)));
         assert_eq!(of("16", ""), some("samplesPerPixel", 16));
         assert_eq!(of("16.0", "View.Combined"), some("samplesPerPixel", 16));
         for bad in ["0", "-1", "1.5", "many", "NaN", "1e99"] {
-            assert_eq!(of(bad, ""), None, "{bad}");
+            let unclear = Err(format!("samplesPerPixel = {bad}"));
+            assert_eq!(of(bad, ""), Some(("samplesPerPixel".to_owned(), unclear)), "{bad}");
         }
         // Blender's is in another part than the layer.
         assert_eq!(of("", "View.Combined"), some("cycles.View.samples", 32));

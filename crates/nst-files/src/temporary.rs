@@ -83,11 +83,20 @@ impl Temporary {
         self.file.as_file_mut()
     }
 
-    /// Gives the file its final name, under which it is no longer deleted.
-    pub(crate) fn persist(self, path: &Path) -> io::Result<()> {
-        self.file.persist(path).map_err(|error| error.error)?;
-        drop(self.listed);
-        Ok(())
+    /// Gives files their final names, under which they are no longer deleted. A process that
+    /// ends at once meanwhile, see [`abandon_all`], does so after the last.
+    ///
+    /// # Errors
+    /// Which of them could not be renamed; those after it are deleted.
+    pub(crate) fn persist(files: Vec<(Self, PathBuf)>) -> Result<(), (usize, io::Error)> {
+        // What is dropped here waits for the list, which is therefore free by then.
+        let mut listed = Vec::new();
+        let mut files = files.into_iter().enumerate();
+        let _all = all();
+        files.try_for_each(|(i, (file, path))| {
+            listed.push(file.listed);
+            file.file.persist(path).map(drop).map_err(|error| (i, error.error))
+        })
     }
 }
 
@@ -146,7 +155,16 @@ mod tests {
         let listed = |file: &Temporary| all().contains(file.file.path());
         assert!(listed(&finished) && listed(&open));
         let temporary = finished.file.path().to_owned();
-        finished.persist(&folder.path().join("x"))?;
+        let missing = folder.path().join("missing").join("y");
+        let [late, last] = [Temporary::create(folder.path())?, Temporary::create(folder.path())?];
+        let files = vec![
+            (finished, folder.path().join("x")),
+            (late, missing),
+            (last, folder.path().join("z")),
+        ];
+        let (failed, _) = Temporary::persist(files).expect_err("there is no such folder");
+        assert_eq!(failed, 1);
+        assert!(!folder.path().join("z").exists());
         assert!(!all().contains(&temporary) && listed(&open));
         assert!(folder.path().join("x").is_file());
         Ok(())

@@ -22,7 +22,7 @@ use exr::{
 use rayon::prelude::*;
 
 use super::parts::{Attribute, Channel, SAMPLE, text};
-use crate::{Error, limits::MOST_DEFLATED};
+use crate::{Error, limits::MOST_DEFLATED, window::check_not_empty};
 
 /// Reads a file row by row.
 pub(crate) struct RowReader {
@@ -39,6 +39,7 @@ impl RowReader {
     /// Reads and checks the header.
     pub(crate) fn open(path: &Path) -> Result<Self, Error> {
         let read = |error| Error::io("read", path, error);
+        check_not_empty(path)?;
         let file = File::open(path).map_err(read)?;
         let length = file.metadata().map_err(read)?.len();
         let mut file = BufReader::new(file);
@@ -155,9 +156,6 @@ fn check(header: &Header, length: u64) -> Result<(), String> {
     }
     if !matches!(header.compression, Uncompressed | RLE | ZIP1 | ZIP16) {
         return refuse("its compression is not 'none', 'rle', 'zips' or 'zip'; store it as 'zip'");
-    }
-    if width == 0 || height == 0 {
-        return refuse("it has no pixels");
     }
     for channel in &header.channels.list {
         if channel.sampling != Vec2(1, 1) || channel.sample_type == SampleType::F16 {

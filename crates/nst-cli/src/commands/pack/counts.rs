@@ -17,6 +17,12 @@ pub(super) fn samples_each(spp: Option<u32>, pictures: &[Picture]) -> Result<(u3
     for picture in pictures {
         let path = picture.path().display();
         let Some(spp) = picture.samples_per_pixel else {
+            if let Some(unclear) = &picture.samples_unclear {
+                return Err(Error::Usage(format!(
+                    "'{path}' says {unclear}, which is no whole number above 0; say with --spp \
+                     with how many samples per pixel it was rendered"
+                )));
+            }
             return Err(Error::Usage(format!(
                 "'{path}' does not say with how many samples per pixel it was rendered (attribute \
                  samplesPerPixel); say it with --spp"
