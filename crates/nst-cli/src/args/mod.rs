@@ -5,6 +5,7 @@ mod common;
 mod method;
 mod pack;
 mod render;
+mod report;
 mod values;
 
 use std::path::PathBuf;
@@ -16,6 +17,7 @@ pub(crate) use common::CommonArgs;
 pub(crate) use method::{BackendArg, MethodArgs, TransformArg};
 pub(crate) use pack::{PackArgs, PackAs};
 pub(crate) use render::{IntegratorArg, KeepArg, RenderArgs};
+pub(crate) use report::{NamedPicture, ReportArgs};
 use values::ending_in;
 pub(crate) use values::has_extension;
 
@@ -36,6 +38,7 @@ pub(crate) enum Command {
     Info(InfoArgs),
     Compare(CompareArgs),
     Bench(BenchArgs),
+    Report(ReportArgs),
     Completions(CompletionsArgs),
     Man(ManArgs),
 }
@@ -50,6 +53,7 @@ impl Command {
             Self::Merge(args) => &args.common,
             Self::Info(args) => &args.common,
             Self::Compare(args) => &args.common,
+            Self::Report(args) => &args.common,
             Self::Completions(args) => &args.common,
             Self::Man(args) => &args.common,
             Self::Bench(BenchArgs { bench: Bench::Scene(args) }) => &args.common,

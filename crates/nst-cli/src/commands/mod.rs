@@ -7,6 +7,7 @@ mod info;
 mod merge;
 mod pack;
 mod render;
+mod report;
 mod transform;
 
 use std::{collections::BTreeSet, path::PathBuf};
@@ -26,6 +27,7 @@ pub(crate) fn run(command: &Command) -> Result<Done, Error> {
         Command::Info(args) => info::run(args).map(Done::whole),
         Command::Compare(args) => compare::run(args).map(Done::whole),
         Command::Bench(args) => bench::run(args),
+        Command::Report(args) => report::run(args).map(Done::whole),
         Command::Completions(args) => describe::completions(args).map(Done::whole),
         Command::Man(args) => describe::manual(args).map(Done::whole),
     }

@@ -33,6 +33,8 @@ pub enum Kind {
     Csv,
     /// A document as text.
     Markdown,
+    /// A page for browsers, which names the program that wrote it in its first 4 KiB.
+    Html,
 }
 
 /// What was found at a path.
@@ -52,6 +54,7 @@ impl Kind {
             Self::Dataset => "a dataset",
             Self::Csv => "a CSV table",
             Self::Markdown => "a Markdown document",
+            Self::Html => "an HTML page",
         }
     }
 
@@ -110,6 +113,9 @@ impl Found {
             |wanted: &str| path.extension().is_some_and(|it| it.eq_ignore_ascii_case(wanted));
         let text = text_at(&start);
         let first_line = text.lines().next().unwrap_or_default();
+        if first_line.trim().eq_ignore_ascii_case("<!doctype html>") {
+            return Ok(Self { kind: Some(Kind::Html), ours: generator(text).is_some_and(is_ours) });
+        }
         let kind = if first_line.starts_with("# ") && named("md") {
             Some(Kind::Markdown)
         } else if first_line.contains(',') && named("csv") {
@@ -132,6 +138,11 @@ fn text_at(start: &[u8]) -> &str {
         Err(_) => "",
     };
     if text.contains('\0') { "" } else { text }
+}
+
+/// The program that a page says has written it.
+fn generator(page: &str) -> Option<&str> {
+    page.split_once("<meta name=\"generator\" content=\"")?.1.split_once('"').map(|(name, _)| name)
 }
 
 /// Whether a text names this program, in any version.
@@ -162,6 +173,8 @@ mod tests {
             ("x", "", &[Kind::Picture, Kind::Csv, Kind::Dataset][..]),
             ("x.csv", "method,spp\nS,1\n", &[Kind::Csv]),
             ("x.md", "# Stability\n", &[Kind::Markdown]),
+            ("x.html", "<!DOCTYPE html>\n<p>a, b", &[Kind::Html]),
+            ("x.html", "<p>a, b", &[]),
             ("x.obj", "# Blender 4.2, of a box\nv 1 2 3\n", &[]),
             ("x.toml", "size = [1, 2]\n", &[]),
             ("x.csv", "a,\0b", &[]),
@@ -170,7 +183,7 @@ mod tests {
             let path = folder.path().join(file);
             let open = |kind, name| Outputs::default().open(&path, kind, name).map(drop);
             std::fs::write(&path, content)?;
-            for kind in [Kind::Picture, Kind::Csv, Kind::Markdown, Kind::Dataset] {
+            for kind in [Kind::Picture, Kind::Csv, Kind::Markdown, Kind::Html, Kind::Dataset] {
                 let allowed = content.is_empty() || allowed.contains(&kind);
                 assert_eq!(open(kind, Name::Given).is_ok(), allowed, "{kind:?} over {content:?}");
             }
@@ -209,6 +222,16 @@ mod tests {
         std::fs::write(&path, bytes)?;
         assert!(Outputs::default().open(&path, Kind::Png, Name::Default).is_err());
         assert!(Outputs::default().open(&path, Kind::Png, Name::Given).is_ok());
+        let path = folder.path().join("model.html");
+        for (content, ours) in [
+            ("", false),
+            ("<meta name=\"generator\" content=\"nstar 2\">", false),
+            ("<meta name=\"generator\" content=\"nst 0.0.9\">", true),
+        ] {
+            std::fs::write(&path, format!("<!doctype html>\n{content}"))?;
+            let open = |name| Outputs::default().open(&path, Kind::Html, name).is_ok();
+            assert_eq!((open(Name::Given), open(Name::Default)), (true, ours), "{content}");
+        }
         Ok(())
     }
 }
