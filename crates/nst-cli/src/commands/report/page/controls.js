@@ -37,6 +37,10 @@ export function connect(comparer) {
   document.addEventListener("keydown", (event) => pressed(event, comparer));
   connectPointer(canvas, comparer);
   connectSplitter(byId("splitter"), comparer);
+  byId("zoom").addEventListener("click", ({ target }) => {
+    if (target.value === "fit") comparer.set({ view: null });
+    else if (target.value) zoomAtPixel(comparer, target.value === "in" ? STEP : 1 / STEP);
+  });
   new ResizeObserver(() => resize(comparer)).observe(canvas);
 }
 
