@@ -1,6 +1,7 @@
 //! `nst`: renders scenes, and transforms sequences of Monte Carlo estimates.
 
 mod args;
+mod chart;
 mod commands;
 mod error;
 mod fallback;

@@ -27,13 +27,12 @@ pub fn write(output: &mut OutputFile, size: [u32; 2], rgb: &[f32]) -> Result<(),
     writer.finish()
 }
 
-/// Writes a PNG of bytes `[y][x][channel]`, as they are. Its metadata name `nst` as the
-/// program that wrote it.
-pub(crate) fn write_rgb8(
-    output: &mut OutputFile,
-    size: [u32; 2],
-    bytes: &[u8],
-) -> Result<(), Error> {
+/// Writes a PNG of bytes `[y][x][channel]` with three channels, as they are. Its metadata name
+/// `nst` as the program that wrote it.
+///
+/// # Errors
+/// [`Error::Io`] or [`Error::Malformed`] if it cannot be written.
+pub fn write_rgb8(output: &mut OutputFile, size: [u32; 2], bytes: &[u8]) -> Result<(), Error> {
     let mut writer = PngWriter::create(output, size)?;
     writer.push_bytes(bytes)?;
     writer.finish()

@@ -1,6 +1,7 @@
 //! The commands and their options. Commands with many options have a module each.
 
 mod bench;
+mod chart;
 mod common;
 mod method;
 mod pack;
@@ -13,6 +14,7 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand};
 
 pub(crate) use bench::{Bench, BenchArgs, BenchSceneArgs, BenchStabilityArgs};
+pub(crate) use chart::ChartArgs;
 pub(crate) use common::CommonArgs;
 pub(crate) use method::{BackendArg, MethodArgs, TransformArg};
 pub(crate) use pack::{PackArgs, PackAs};
@@ -38,6 +40,7 @@ pub(crate) enum Command {
     Info(InfoArgs),
     Compare(CompareArgs),
     Bench(BenchArgs),
+    Chart(ChartArgs),
     Report(ReportArgs),
     Completions(CompletionsArgs),
     Man(ManArgs),
@@ -53,6 +56,7 @@ impl Command {
             Self::Merge(args) => &args.common,
             Self::Info(args) => &args.common,
             Self::Compare(args) => &args.common,
+            Self::Chart(args) => &args.common,
             Self::Report(args) => &args.common,
             Self::Completions(args) => &args.common,
             Self::Man(args) => &args.common,

@@ -1,6 +1,7 @@
 //! One module for each command; each returns its report.
 
 mod bench;
+mod chart;
 mod compare;
 mod describe;
 mod info;
@@ -27,6 +28,7 @@ pub(crate) fn run(command: &Command) -> Result<Done, Error> {
         Command::Info(args) => info::run(args).map(Done::whole),
         Command::Compare(args) => compare::run(args).map(Done::whole),
         Command::Bench(args) => bench::run(args),
+        Command::Chart(args) => chart::run(args).map(Done::whole),
         Command::Report(args) => report::run(args).map(Done::whole),
         Command::Completions(args) => describe::completions(args).map(Done::whole),
         Command::Man(args) => describe::manual(args).map(Done::whole),

@@ -35,6 +35,8 @@ pub enum Kind {
     Markdown,
     /// A page for browsers, which names the program that wrote it in its first 4 KiB.
     Html,
+    /// A drawing as text.
+    Svg,
 }
 
 /// What was found at a path.
@@ -55,6 +57,7 @@ impl Kind {
             Self::Csv => "a CSV table",
             Self::Markdown => "a Markdown document",
             Self::Html => "an HTML page",
+            Self::Svg => "an SVG drawing",
         }
     }
 
@@ -112,6 +115,11 @@ impl Found {
         let named =
             |wanted: &str| path.extension().is_some_and(|it| it.eq_ignore_ascii_case(wanted));
         let text = text_at(&start);
+        if is_svg(text) && named("svg") {
+            // As charts say near their beginning.
+            let program = text.split_once("<metadata>").map_or("", |(_, rest)| rest);
+            return Ok(Self { kind: Some(Kind::Svg), ours: is_ours(program) });
+        }
         let first_line = text.lines().next().unwrap_or_default();
         if first_line.trim().eq_ignore_ascii_case("<!doctype html>") {
             return Ok(Self { kind: Some(Kind::Html), ours: generator(text).is_some_and(is_ours) });
@@ -145,6 +153,11 @@ fn generator(page: &str) -> Option<&str> {
     page.split_once("<meta name=\"generator\" content=\"")?.1.split_once('"').map(|(name, _)| name)
 }
 
+/// Whether a text begins as an SVG drawing.
+fn is_svg(text: &str) -> bool {
+    text.starts_with("<svg") || (text.starts_with("<?xml") && text.contains("<svg"))
+}
+
 /// Whether a text names this program, in any version.
 fn is_ours(software: &str) -> bool {
     let name = |text: &str| text.split_whitespace().next().map(str::to_owned);
@@ -175,6 +188,9 @@ mod tests {
             ("x.md", "# Stability\n", &[Kind::Markdown]),
             ("x.html", "<!DOCTYPE html>\n<p>a, b", &[Kind::Html]),
             ("x.html", "<p>a, b", &[]),
+            ("x.svg", "<?xml version=\"1.0\"?>\n<svg>a, b</svg>\n", &[Kind::Svg]),
+            ("x.csv", "<svg a,b", &[Kind::Csv]),
+            ("x.svg", "# a, b\n", &[]),
             ("x.obj", "# Blender 4.2, of a box\nv 1 2 3\n", &[]),
             ("x.toml", "size = [1, 2]\n", &[]),
             ("x.csv", "a,\0b", &[]),
@@ -183,7 +199,9 @@ mod tests {
             let path = folder.path().join(file);
             let open = |kind, name| Outputs::default().open(&path, kind, name).map(drop);
             std::fs::write(&path, content)?;
-            for kind in [Kind::Picture, Kind::Csv, Kind::Markdown, Kind::Html, Kind::Dataset] {
+            for kind in
+                [Kind::Picture, Kind::Csv, Kind::Markdown, Kind::Html, Kind::Dataset, Kind::Svg]
+            {
                 let allowed = content.is_empty() || allowed.contains(&kind);
                 assert_eq!(open(kind, Name::Given).is_ok(), allowed, "{kind:?} over {content:?}");
             }
@@ -208,6 +226,19 @@ mod tests {
         {
             assert_eq!(text_at(start), expected);
         }
+    }
+
+    #[test]
+    fn drawings_say_who_wrote_them() -> Result<(), Box<dyn std::error::Error>> {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join("x.svg");
+        for (program, ours) in [(SOFTWARE, true), ("nstar 2", false)] {
+            std::fs::write(&path, format!("<svg>\n <metadata>{program}</metadata>\n</svg>"))?;
+            let open = |name| Outputs::default().open(&path, Kind::Svg, name);
+            assert_eq!(open(Name::Default).is_ok(), ours, "{program}");
+            assert!(open(Name::Given).is_ok());
+        }
+        Ok(())
     }
 
     /// A texture in the model's folder, say.

@@ -16,6 +16,7 @@ use serde::Serialize;
 
 use crate::{
     args::ReportArgs,
+    chart::Chart,
     error::Error,
     results::{Metric, Results, advice},
 };
@@ -29,7 +30,8 @@ struct Data<'a> {
     scene: &'a str,
     headline: String,
     advice: String,
-    charts: Vec<()>,
+    /// The first is shown, the others may be opened.
+    charts: Vec<Figure>,
     columns: &'a [Column],
     rows: Vec<Line>,
     failures: Vec<String>,
@@ -37,6 +39,15 @@ struct Data<'a> {
     comparer: Option<Comparer>,
     /// Why there is no comparer, and how to get one.
     no_pictures: Option<String>,
+}
+
+/// A chart, and the places of its marks with their values.
+#[derive(Serialize)]
+struct Figure {
+    title: String,
+    svg: String,
+    /// Pixels from the left and from the top, in the SVG's units, and what is there.
+    marks: Vec<(f64, f64, String)>,
 }
 
 /// What was written.
@@ -66,7 +77,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report, Error> {
         scene: results.scene(),
         headline: table::headline(&results, &summaries),
         advice: advice(&results, Metric::Mse),
-        charts: Vec::new(),
+        charts: figures(&results),
         columns: &COLUMNS,
         rows: table.lines(),
         failures: table::failures(&summaries),
@@ -89,6 +100,23 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report, Error> {
     };
     write(output, &page)?;
     Ok(done)
+}
+
+/// Charts of the MSE, and of the other metrics if they were measured.
+fn figures(results: &Results) -> Vec<Figure> {
+    let figure = |metrics: &[Metric]| {
+        let chart = Chart::draw(results, metrics);
+        let names: Vec<_> = metrics.iter().map(|metric| metric.name()).collect();
+        Figure {
+            title: format!("{} against time and samples", names.join(" and ")),
+            svg: chart.svg,
+            marks: chart.marks.into_iter().map(|mark| (mark.x, mark.y, mark.label)).collect(),
+        }
+    };
+    let mut others = vec![Metric::RelMse, Metric::Smape];
+    others.retain(|metric| !results.curves(*metric).curves.is_empty());
+    let first = figure(&[Metric::Mse]);
+    [first].into_iter().chain((!others.is_empty()).then(|| figure(&others))).collect()
 }
 
 /// Adds the comparer, if there are pictures; returns these as they are stored.

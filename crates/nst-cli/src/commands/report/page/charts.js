@@ -1,39 +1,31 @@
 // Charts as pictures, and the values of their marks: under the pointer and by keyboard.
 import { element } from "./dom.js";
 
-/** A figure of a chart `{ title, svg, width, height, marks: [{ x, y, label }] }`; x and y are in pixels of the SVG. */
-export function chartFigure({ title, svg, width, height, marks }) {
+/** A figure of a chart `{ title, svg, marks: [[x, y, label]] }`; x and y are in the SVG's units. */
+export function chartFigure({ title, svg, marks }) {
   const source = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(svg)}`;
+  const [, , width, height] = /viewBox="([^"]*)"/.exec(svg)[1].split(" ").map(Number);
   const picture = element("img", { src: source, alt: title, width, height });
   const tip = element("p", { class: "tip", "aria-hidden": "true" });
   tip.hidden = true;
-  const buttons = marks.map(({ x, y, label }) => {
-    const button = element("button", {
-      type: "button",
-      class: "mark",
-      "aria-label": label,
-      tabindex: -1,
-    });
+  const buttons = marks.map(([x, y, label]) => {
+    const button = element("button", { type: "button", class: "mark", "aria-label": label });
+    button.tabIndex = -1;
     button.style.left = `${(100 * x) / width}%`;
     button.style.top = `${(100 * y) / height}%`;
     return button;
   });
   const values = element("div", { role: "group", "aria-label": `Values: ${title}` }, ...buttons);
-  connectMarks(values, buttons, marks, tip);
+  connectMarks(values, buttons, tip);
   const frame = element("div", { class: "chart" }, picture, values, tip);
-  return element(
-    "figure",
-    {},
-    element("figcaption", {}, title),
-    element("div", { class: "scroll" }, frame),
-  );
+  return element("figure", {}, element("div", { class: "scroll" }, frame));
 }
 
 /** One of the marks is a stop of Tab; arrow keys go from it to the others. */
-function connectMarks(values, buttons, marks, tip) {
+function connectMarks(values, buttons, tip) {
   if (buttons.length > 0) buttons[0].tabIndex = 0;
   const show = (index) => {
-    tip.textContent = marks[index].label;
+    tip.textContent = buttons[index].getAttribute("aria-label");
     tip.style.left = buttons[index].style.left;
     tip.style.top = buttons[index].style.top;
     tip.classList.toggle("leftwards", Number.parseFloat(tip.style.left) > 50);

@@ -13,8 +13,12 @@ document.title = `${data.scene} – nst report`;
 byId("scene").textContent = data.scene;
 byId("headline").textContent = data.headline;
 byId("advice").textContent = data.advice;
-byId("charts").append(...data.charts.map(chartFigure));
-byId("charts").hidden = data.charts.length === 0;
+byId("charts").append(
+  ...data.charts.map((chart, index) => {
+    if (index === 0) return chartFigure(chart);
+    return element("details", {}, element("summary", {}, chart.title), chartFigure(chart));
+  }),
+);
 fillTable(byId("summaries"), data.columns, data.rows);
 
 byId("failures").hidden = data.failures.length === 0;

@@ -1,0 +1,131 @@
+//! What stands in words above and below the plots.
+
+use std::collections::BTreeMap;
+
+use super::select::{Styles, display_name};
+use crate::results::{Curves, Metric, Results, Row};
+
+/// At most so many reasons of failure.
+const MOST_FAILURES: usize = 12;
+
+/// What was measured, and on what: one line.
+pub(super) fn subtitle(results: &Results) -> String {
+    let [width, height] = results.size();
+    let mut parts = vec![format!("{width} × {height} pixels")];
+    let runs: Vec<usize> =
+        results.summaries().iter().map(|it| it.runs).filter(|it| *it > 0).collect();
+    if let (Some(least), Some(most)) = (runs.iter().min(), runs.iter().max()) {
+        let few = if least == most { String::new() } else { format!("{least} to ") };
+        let noun = if *most == 1 { "run" } else { "runs" };
+        parts.push(format!("{few}{most} {noun} per point"));
+    }
+    let known = |values: Vec<&str>| {
+        let known: Vec<_> = values.into_iter().filter(|value| !value.is_empty()).collect();
+        (!known.is_empty()).then(|| known.join("; "))
+    };
+    parts.extend(known(results.distinct(|row| &row.machine)));
+    let mut threads: Vec<u32> = results.rows().iter().filter_map(|row| row.threads).collect();
+    threads.sort_unstable();
+    threads.dedup();
+    if !threads.is_empty() {
+        let noun = if threads == [1] { "thread" } else { "threads" };
+        let threads: Vec<_> = threads.iter().map(u32::to_string).collect();
+        parts.push(format!("{} {noun}", threads.join(" and ")));
+    }
+    parts.extend(known(results.distinct(|row| row.adapter.as_deref().unwrap_or_default())));
+    parts.extend(
+        known(results.distinct(|row| &row.version)).map(|version| format!("nst {version}")),
+    );
+    parts.join(" · ")
+}
+
+/// How to read the plots, what is not in them, and why: paragraphs.
+pub(super) fn below(results: &Results, all: &[Curves], styles: &Styles) -> Vec<String> {
+    let several = results.summaries().iter().any(|summary| summary.runs > 1);
+    let points = if several {
+        "Points are means over the runs; bars are 95 % intervals of the mean (Student’s t over the \
+         runs)."
+    } else {
+        "Points are single runs, so that nothing is known of their scatter."
+    };
+    let front = "On the Pareto front, marked by rings, nothing is both faster and more accurate.";
+    let mut notes = vec![format!("{points} {front}")];
+    let machines = results.distinct(|row| &row.machine);
+    if machines.len() > 1 {
+        notes.push("Times are of several machines, and cannot be compared.".to_owned());
+    }
+    notes.extend(muted(all, styles));
+    notes.extend(all.iter().filter_map(not_above_zero));
+    notes.extend(without_time(results));
+    notes.extend(failures(results.rows()));
+    notes
+}
+
+fn muted(all: &[Curves], styles: &Styles) -> Option<String> {
+    let mut names: Vec<String> = Vec::new();
+    let muted = all.iter().flat_map(Curves::others);
+    for curve in muted.filter(|curve| styles.of(&curve.method).is_muted()) {
+        let name = display_name(&curve.method);
+        if !names.contains(&name) && names.len() < 100 {
+            names.push(name);
+        }
+    }
+    (!names.is_empty()).then(|| format!("In grey: {}.", names.join(", ")))
+}
+
+/// What has no place on a logarithmic axis.
+fn not_above_zero(curves: &Curves) -> Option<String> {
+    let points = curves.curves.iter().flat_map(|curve| {
+        let below = curve.points.iter().filter(|point| point.error <= 0.0);
+        below.map(|point| format!("{} at {} spp", display_name(&curve.method), point.spp))
+    });
+    let points: Vec<String> = points.collect();
+    let some = points.iter().take(MOST_FAILURES).cloned().collect::<Vec<_>>().join(", ");
+    let more = match points.len().saturating_sub(MOST_FAILURES) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    (!points.is_empty()).then(|| {
+        format!(
+            "Left out, as the measured {} is 0 or less, too small for this reference: {some}{more}.",
+            curves.metric.name()
+        )
+    })
+}
+
+fn without_time(results: &Results) -> Option<String> {
+    let mut names: Vec<String> = Vec::new();
+    for summary in results.summaries() {
+        let measured = Metric::ALL.iter().any(|metric| summary.error(*metric).is_some());
+        let timed = summary.seconds.total.is_some_and(|seconds| seconds > 0.0);
+        let name = display_name(&summary.method);
+        if measured && !timed && !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    (!names.is_empty())
+        .then(|| format!("Without a time, and so only against samples: {}.", names.join(", ")))
+}
+
+/// One paragraph for each method and reason.
+fn failures(rows: &[Row]) -> Vec<String> {
+    let mut reasons: BTreeMap<(&str, &str), Vec<u32>> = BTreeMap::new();
+    for row in rows {
+        if let Some(why) = &row.failure {
+            reasons.entry((&row.method, why)).or_default().push(row.spp);
+        }
+    }
+    let more = reasons.len().saturating_sub(MOST_FAILURES);
+    let paragraph = |((method, why), mut counts): ((&str, &str), Vec<u32>)| {
+        counts.sort_unstable();
+        counts.dedup();
+        let counts: Vec<_> = counts.iter().take(MOST_FAILURES).map(u32::to_string).collect();
+        let name = display_name(method);
+        format!("Failed: {name} at {} spp: {why}", counts.join(", "))
+    };
+    let mut notes: Vec<String> = reasons.into_iter().take(MOST_FAILURES).map(paragraph).collect();
+    if more > 0 {
+        notes.push(format!("{more} more failures are in the table."));
+    }
+    notes
+}
