@@ -253,7 +253,7 @@ pub(super) fn facts(results: &Results, table: &str) -> Vec<(&'static str, String
         ("Processor", list(results.distinct(|row| &row.machine))),
         ("Threads", list(threads.iter().map(String::as_str).collect())),
         ("GPU", list(results.distinct(|row| row.adapter.as_deref().unwrap_or_default()))),
-        ("Program", list(results.distinct(|row| &row.version))),
+        ("Version of nst", list(results.distinct(|row| &row.version))),
         ("Table", format!("{table}, version {SCHEMA}")),
         ("MSE", formula(Formula::Mse)),
         ("relMSE", formula(Formula::RelMse)),

@@ -102,6 +102,8 @@ export class Comparer {
     this.drawSide(context, state.left, 0, this.divide());
     if (state.right) this.drawSide(context, state.right, this.divide(), canvas.width);
     if (state.pixel) outline(context, this.view(), state.pixel);
+    const ids = [state.left, state.right, REFERENCE].filter(Boolean);
+    canvas.dataset.drawn = ids.every((id) => this.decoded.has(id)) ? "whole" : "partly";
   }
 
   drawSide(context, id, from, to) {
