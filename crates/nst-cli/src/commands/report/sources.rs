@@ -45,15 +45,19 @@ pub(super) fn sources(
 ) -> Result<Vec<Source>, Error> {
     let spp = usual_spp(results);
     let methods = results.distinct(|row| &row.method);
+    let layers = ExrHeader::read(file)?.layers();
+    if layers.iter().all(|layer| !layer.name.is_empty()) {
+        let message = "it has no main picture (R, G and B), which is the reference in files of nst \
+                       bench scene";
+        let path = file.to_owned();
+        return Err(nst_files::Error::Malformed { path, message: message.into() }.into());
+    }
     let mut sources = vec![Source::new(open(file, Some(""), results)?, "reference".into(), 0)];
     for other in others {
         let picture = open(&other.file, other.layer.as_deref(), results)?;
         sources.push(Source::new(picture, other.name.clone(), 0));
     }
-    for layer in ExrHeader::read(file)?.layers() {
-        if layer.name.is_empty() {
-            continue;
-        }
+    for layer in layers.into_iter().filter(|layer| !layer.name.is_empty()) {
         let picture = open(file, Some(&layer.name), results)?;
         sources.push(match of_method(&layer.name, &methods) {
             Some((method, samples)) => Source {
