@@ -8,7 +8,6 @@ mod fallback;
 mod interrupt;
 mod method;
 mod report;
-#[allow(dead_code, unused_imports, reason = "the commands that use it come next")]
 mod results;
 mod summary;
 

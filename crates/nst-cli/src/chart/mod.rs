@@ -43,6 +43,7 @@ const PNG_SCALE: f64 = 2.0;
 pub(crate) struct Chart {
     /// A whole SVG document.
     pub(crate) svg: String,
+    #[allow(dead_code, reason = "for pages that show values under the pointer")]
     /// All marks, plot by plot, and method by method; places are in the SVG's units.
     pub(crate) marks: Vec<Mark>,
     canvas: Canvas,

@@ -19,6 +19,8 @@ const RIGHT: f64 = 112.0;
 const TITLE: Font = Font::bold(14.0);
 const NUMBERS: Font = Font::regular(12.0);
 const NAMES: Font = Font::regular(12.0);
+/// Width and height in pixels of the corner that explains lines.
+const KEY: [f64; 2] = [170.0, 44.0];
 /// Pixels between the baselines of names.
 const LINE: f64 = 15.0;
 
@@ -113,7 +115,7 @@ impl Plot {
         if self.front {
             drawing.front(&self.series);
         }
-        drawing.guides(&self.guides, self.front);
+        drawing.guides(&self.guides, self.front, &self.series);
         drawing.muted(&self.series);
         // The plain estimate comes first, and is drawn last.
         for series in self.series.iter().rev().filter(|series| !series.style.is_muted()) {
@@ -206,15 +208,24 @@ impl Drawing<'_> {
         }
     }
 
-    /// Lines that are no method's, and in the lower left corner what they are.
-    fn guides(&mut self, guides: &[Guide], front: bool) {
-        let (left, bottom) = (self.x.pixels()[0] + 8.0, self.y.pixels()[0]);
-        let mut row = bottom - 9.0;
+    /// Lines that are no method's, and in a corner what they are.
+    fn guides(&mut self, guides: &[Guide], front: bool, series: &[Series]) {
+        let ([left, right], [bottom, top]) = (self.x.pixels(), self.y.pixels());
+        // Curves mostly fall: the lower left corner is free, or else the upper right one.
+        let corner = |dot: &Dot| {
+            let [x, y] = self.at(dot.at);
+            x < left + KEY[0] && y > bottom - KEY[1]
+        };
+        let taken = series.iter().flat_map(|series| &series.dots).any(corner);
+        let (left, mut row, step) = match taken {
+            false => (left + 8.0, bottom - 9.0, -14.0),
+            true => (right - KEY[0], top + 12.0, 14.0),
+        };
         let mut explain = |canvas: &mut Canvas, name: &str, stroke: Stroke| {
             let sample = vec![[left, row - 4.0], [left + 22.0, row - 4.0]];
             canvas.line("sample", sample, stroke);
             canvas.text([left + 28.0, row], name, (Font::regular(11.0), Anchor::Start, Ink::Soft));
-            row -= 14.0;
+            row += step;
         };
         if front {
             explain(self.canvas, "Pareto front", Stroke::solid(Ink::Front, 7.0));

@@ -1,5 +1,7 @@
 //! Logarithmic axes.
 
+use crate::results::text;
+
 /// An axis must span at least this factor, so that it has two ticks, of one point too.
 const LEAST_SPAN: f64 = 6.0;
 
@@ -110,7 +112,7 @@ impl Label {
     }
 
     pub(super) fn plain(value: f64) -> Self {
-        Self { text: value.to_string(), exponent: String::new() }
+        Self { text: text::number(value, 3), exponent: String::new() }
     }
 }
 

@@ -23,7 +23,8 @@ pub(super) fn write(canvas: &Canvas, name: &str, description: &str) -> String {
 }
 
 fn document(canvas: &Canvas, name: &str, description: &str) -> io::Result<Vec<u8>> {
-    let mut out = Writer::new_with_indent(Vec::new(), b' ', 1);
+    // Indents would become part of texts with exponents; each shape has a line of its own.
+    let mut out = Writer::new(Vec::new());
     let [width, height] = canvas.size.map(number);
     out.create_element("svg")
         .with_attributes([
@@ -43,7 +44,11 @@ fn document(canvas: &Canvas, name: &str, description: &str) -> io::Result<Vec<u8
             out.create_element("metadata").write_text_content(BytesText::new(program))?;
             out.create_element("desc").write_text_content(BytesText::new(&legal(description)))?;
             out.create_element("style").write_text_content(BytesText::new(&dark_style()))?;
-            canvas.shapes.iter().try_for_each(|shape| write_shape(out, shape))
+            for shape in &canvas.shapes {
+                out.write_event(Event::Text(BytesText::new("\n")))?;
+                write_shape(out, shape)?;
+            }
+            Ok(())
         })?;
     let mut bytes = out.into_inner();
     bytes.push(b'\n');

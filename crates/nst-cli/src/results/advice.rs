@@ -28,8 +28,8 @@ pub(crate) fn advice(results: &Results, metric: Metric) -> String {
 }
 
 /// Budgets of time for which methods can be compared: round numbers (1, 2, 5, 10, …) at which
-/// the plain estimate and another method were measured, from the smallest. If there are none,
-/// a time in the middle.
+/// the plain estimate and another method were measured, from the smallest. If there are not two,
+/// the times that were measured.
 pub(crate) fn budgets(curves: &Curves) -> Vec<f64> {
     let Some(plain) = curves.plain() else { return Vec::new() };
     let duels = Duels { plain, others: curves.others().collect(), metric: curves.metric };
@@ -84,7 +84,7 @@ impl<'a> Duels<'a> {
         let round =
             decades.flat_map(|power| [1.0, 2.0, 5.0].map(|digit| digit * 10_f64.powi(power)));
         let round: Vec<f64> = round.filter(|&time| self.best_other(time).is_some()).collect();
-        if round.is_empty() { vec![knots[knots.len() / 2]] } else { round }
+        if round.len() < 2 { knots.to_vec() } else { round }
     }
 
     fn sentence(&self, knots: &[f64]) -> String {

@@ -138,7 +138,7 @@ fn budgets_are_round() {
     let a = ("a", &[(8, 1.5, 1.0), (80, 11.0, 0.1)][..]);
     assert_eq!(found(&[PLAIN_POINTS, a]), [2.0, 5.0, 10.0]);
     let narrow = ("a", &[(8, 11.0, 1.0), (80, 12.0, 0.1)][..]);
-    assert_eq!(found(&[PLAIN_POINTS, narrow]), [12.0]);
+    assert_eq!(found(&[PLAIN_POINTS, narrow]), [11.0, 12.0]);
     assert!(found(&[PLAIN_POINTS]).is_empty());
     assert!(found(&[a]).is_empty());
 }
