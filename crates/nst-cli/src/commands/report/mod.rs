@@ -105,7 +105,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report, Error> {
 /// Charts of the MSE, and of the other metrics if they were measured.
 fn figures(results: &Results) -> Vec<Figure> {
     let figure = |metrics: &[Metric]| {
-        let chart = Chart::draw(results, metrics);
+        let chart = Chart::without_heading(results, metrics);
         let names: Vec<_> = metrics.iter().map(|metric| metric.name()).collect();
         Figure {
             title: format!("{} against time and samples", names.join(" and ")),

@@ -1,6 +1,9 @@
 // Charts as pictures, and the values of their marks: under the pointer and by keyboard.
 import { element } from "./dom.js";
 
+/** The most marks with values: a pointer cannot tell more of them apart. */
+const MOST_MARKS = 2000;
+
 /** A figure of a chart `{ title, svg, marks: [[x, y, label]] }`; x and y are in the SVG's units. */
 export function chartFigure({ title, svg, marks }) {
   const source = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(svg)}`;
@@ -8,7 +11,9 @@ export function chartFigure({ title, svg, marks }) {
   const picture = element("img", { src: source, alt: title, width, height });
   const tip = element("p", { class: "tip", "aria-hidden": "true" });
   tip.hidden = true;
-  const buttons = marks.map(([x, y, label]) => {
+  const every = Math.ceil(marks.length / MOST_MARKS);
+  const some = marks.filter((_, index) => index % every === 0);
+  const buttons = some.map(([x, y, label]) => {
     const button = element("button", { type: "button", class: "mark", "aria-label": label });
     button.tabIndex = -1;
     button.style.left = `${(100 * x) / width}%`;

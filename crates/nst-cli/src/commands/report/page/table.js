@@ -2,6 +2,9 @@
 import { element } from "./dom.js";
 import { number } from "./format.js";
 
+/** The most rows that are shown at a time: browsers lay out some 10,000 cells quickly, but not millions. */
+const MOST_ROWS = 1000;
+
 /**
  * Fills a table. `columns` are `{ label, hint, text }`; `rows` are `{ cells, best }`, where
  * `best` lists the columns in which a row has the lowest error of those with as many samples.
@@ -26,6 +29,10 @@ export function fillTable(table, columns, rows) {
   });
   body.append(...lines(rows, columns));
   table.replaceChildren(element("thead", {}, element("tr", {}, ...heads)), body);
+  if (rows.length > MOST_ROWS) {
+    const rest = `The first ${MOST_ROWS} of ${rows.length} rows; sorting decides which these are.`;
+    table.prepend(element("caption", {}, rest));
+  }
 }
 
 /** Empty cells come last in both directions. */
@@ -41,7 +48,7 @@ function sorted(rows, { column, descending }) {
 }
 
 function lines(rows, columns) {
-  return rows.map(({ cells, best }) => {
+  return rows.slice(0, MOST_ROWS).map(({ cells, best }) => {
     const made = cells.map((value, index) =>
       cell(value, columns[index], index === 0, best.includes(index)),
     );
