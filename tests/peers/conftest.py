@@ -2,10 +2,14 @@
 
 import os
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    from browser import Browser
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 
@@ -32,3 +36,31 @@ def nst(nst_binary: Path, tmp_path: Path) -> Nst:
         return done.stdout
 
     return run
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator["Browser"]:
+    from browser import Browser  # Other tests need neither Selenium nor Chromium.
+
+    browser = Browser()
+    yield browser
+    browser.quit()
+
+
+@pytest.fixture
+def page(browser: "Browser", nst: Nst, tmp_path: Path) -> Iterator["Browser"]:
+    """The report of `report_film`'s table, with a picture by another program, opened as a file. It must
+    ask for no other file, and log nothing."""
+    from report_film import FILM, settle, write_table
+
+    write_table(tmp_path / "results.csv")
+    FILM.write_exr(tmp_path / "results.exr")
+    nst("report", "results.csv", "--picture", f"other <u>={tmp_path}/results.exr:auto.32")
+    browser.resize(1280)
+    browser.prefer("light")
+    browser.open(tmp_path / "results.html")
+    settle(browser)
+    browser.center("#stage")
+    yield browser
+    assert browser.console() == []
+    assert browser.requests() == [(tmp_path / "results.html").as_uri()]

@@ -5,7 +5,7 @@ use crate::{Error, output_file::OutputFile, png::write_rgb8};
 /// Inferno by Nathaniel Smith and Stéfan van der Walt (matplotlib 3.11.2, CC0), in
 /// which equal steps look equally large: 33 of its colours in sRGB, linear between
 /// them. No channel is farther than 1.5 of 255 from the 256 colours of the original.
-const INFERNO: [[u8; 3]; 33] = [
+pub const INFERNO: [[u8; 3]; 33] = [
     [0, 0, 4],
     [4, 3, 18],
     [11, 7, 36],

@@ -8,6 +8,7 @@ mod method;
 mod pack;
 #[cfg(feature = "render")]
 mod render;
+mod report;
 mod values;
 
 use std::path::PathBuf;
@@ -22,6 +23,7 @@ pub(crate) use method::{BackendArg, MethodArgs, TransformArg};
 pub(crate) use pack::{PackArgs, PackAs};
 #[cfg(feature = "render")]
 pub(crate) use render::{IntegratorArg, KeepArg, RenderArgs};
+pub(crate) use report::{NamedPicture, ReportArgs};
 use values::ending_in;
 pub(crate) use values::has_extension;
 
@@ -45,6 +47,7 @@ pub(crate) enum Command {
     #[cfg(feature = "render")]
     Bench(BenchArgs),
     Chart(ChartArgs),
+    Report(ReportArgs),
     Completions(CompletionsArgs),
     Man(ManArgs),
 }
@@ -61,6 +64,7 @@ impl Command {
             Self::Info(args) => &args.common,
             Self::Compare(args) => &args.common,
             Self::Chart(args) => &args.common,
+            Self::Report(args) => &args.common,
             Self::Completions(args) => &args.common,
             Self::Man(args) => &args.common,
             #[cfg(feature = "render")]

@@ -43,7 +43,6 @@ const PNG_SCALE: f64 = 2.0;
 pub(crate) struct Chart {
     /// A whole SVG document.
     pub(crate) svg: String,
-    #[allow(dead_code, reason = "for pages that show values under the pointer")]
     /// All marks, plot by plot, and method by method; places are in the SVG's units.
     pub(crate) marks: Vec<Mark>,
     canvas: Canvas,
@@ -53,6 +52,15 @@ impl Chart {
     /// Draws the results by these metrics; of a metric that was not measured, nothing, if
     /// another was.
     pub(crate) fn draw(results: &Results, metrics: &[Metric]) -> Self {
+        Self::make(results, metrics, true)
+    }
+
+    /// The same without title and advice, for pages that say both.
+    pub(crate) fn without_heading(results: &Results, metrics: &[Metric]) -> Self {
+        Self::make(results, metrics, false)
+    }
+
+    fn make(results: &Results, metrics: &[Metric], headed: bool) -> Self {
         let mut all: Vec<Curves> = metrics.iter().map(|metric| results.curves(*metric)).collect();
         let measured = |curves: &Curves| !curves.curves.is_empty();
         if all.iter().any(measured) {
@@ -69,7 +77,9 @@ impl Chart {
             all.iter().map(|curves| advice(results, curves.metric)).collect();
         sentences.dedup();
         let mut y = BORDER;
-        heading(&mut canvas, &mut y, results, &title, &sentences);
+        if headed {
+            heading(&mut canvas, &mut y, results, &title, &sentences);
+        }
         plots(&mut canvas, &mut y, results, &all, &styles);
         for note in notes::below(results, &all, &styles) {
             paragraph(&mut canvas, &mut y, &note, (Font::regular(12.0), Ink::Soft), 4);

@@ -263,8 +263,8 @@ impl Drawing<'_> {
             self.path(dots, style);
             for dot in dots {
                 let at = self.at(dot.at);
-                // Cells of two pixels.
-                if taken.insert(at.map(|pixel| (pixel / 2.0).floor() as i64)) {
+                // Cells of four pixels, about as large as a mark.
+                if taken.insert(at.map(|pixel| (pixel / 4.0).floor() as i64)) {
                     let marker = (style.marker, style.radius);
                     self.canvas.marker(marker, at, style.ink, Some(dot.label.clone()));
                 }

@@ -111,8 +111,11 @@ impl Label {
         Self { text, exponent: power.to_string().replace('-', "−") }
     }
 
+    /// A whole number, or three digits of another.
     pub(super) fn plain(value: f64) -> Self {
-        Self { text: text::number(value, 3), exponent: String::new() }
+        let whole = value.fract() == 0.0 && value < 1e6;
+        let text = if whole { value.to_string() } else { text::number(value, 3) };
+        Self { text, exponent: String::new() }
     }
 }
 
@@ -144,6 +147,13 @@ mod tests {
         let minor = LogScale::over([0.5, 200.0], [0.0, 1.0]).ticks();
         assert!(minor.iter().any(|tick| tick.value == 20.0 && tick.label.is_none()));
         assert!(minor.iter().any(|tick| tick.value == 0.9));
+    }
+
+    #[test]
+    fn labels_of_given_ticks() {
+        for (value, expected) in [(2048.0, "2048"), (1.0 / 3.0, "0.333"), (0.5, "0.5")] {
+            assert_eq!(Label::plain(value).text, expected);
+        }
     }
 
     #[test]

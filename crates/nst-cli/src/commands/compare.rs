@@ -19,7 +19,7 @@ use crate::{args::CompareArgs, error::Error, progress::Progress, words::counted}
 
 /// The range of the error map: from where noise is no longer visible to errors above the
 /// radiance itself. It is the same for all pictures, so that maps can be compared.
-const MAP_SCALE: [f64; 2] = [1e-5, 1e1];
+pub(super) const MAP_SCALE: [f64; 2] = [1e-5, 1e1];
 
 /// How far the pictures are from the reference.
 #[derive(Serialize)]

@@ -11,6 +11,7 @@ mod pack;
 mod picture_files;
 #[cfg(feature = "render")]
 mod render;
+mod report;
 mod transform;
 
 use std::{collections::BTreeSet, path::PathBuf};
@@ -30,6 +31,7 @@ pub(crate) fn run(command: &Command) -> Result<Done, Error> {
         #[cfg(feature = "render")]
         Command::Bench(args) => bench::run(args),
         Command::Chart(args) => chart::run(args).map(Done::whole),
+        Command::Report(args) => report::run(args).map(Done::whole),
         Command::Completions(args) => describe::completions(args).map(Done::whole),
         Command::Man(args) => describe::manual(args).map(Done::whole),
     }

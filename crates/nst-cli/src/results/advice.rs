@@ -8,6 +8,9 @@ use super::{
     text::{number, seconds},
 };
 
+/// The most budgets that are not round.
+const MOST_TIMES: usize = 9;
+
 /// Which method to pick for a budget of time on this scene, and from where on plain sampling
 /// wins: a sentence.
 pub(crate) fn advice(results: &Results, metric: Metric) -> String {
@@ -29,7 +32,7 @@ pub(crate) fn advice(results: &Results, metric: Metric) -> String {
 
 /// Budgets of time for which methods can be compared: round numbers (1, 2, 5, 10, …) at which
 /// the plain estimate and another method were measured, from the smallest. If there are not two,
-/// the times that were measured.
+/// times that were measured, at most nine.
 pub(crate) fn budgets(curves: &Curves) -> Vec<f64> {
     let Some(plain) = curves.plain() else { return Vec::new() };
     let duels = Duels { plain, others: curves.others().collect(), metric: curves.metric };
@@ -61,8 +64,22 @@ impl<'a> Duels<'a> {
         let mut times: Vec<f64> = all.flat_map(|it| it.times()).collect();
         times.sort_by(f64::total_cmp);
         times.dedup();
-        times.retain(|&time| self.best_other(time).is_some());
+        let mut spans: Vec<[f64; 2]> = self.others.iter().filter_map(|it| it.span()).collect();
+        spans.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let mut spans = spans.into_iter().peekable();
+        let mut end = f64::NEG_INFINITY;
+        times.retain(|&time| {
+            while let Some(span) = spans.next_if(|span| span[0] <= time) {
+                end = end.max(span[1]);
+            }
+            time <= end && self.plain.error_at(time).is_some()
+        });
         times
+    }
+
+    /// This method alone against the plain estimate.
+    fn alone(&self, method: &'a Curve) -> Duels<'a> {
+        Duels { plain: self.plain, others: vec![method], metric: self.metric }
     }
 
     /// The best of the other methods, its error, and the plain estimate's, if both are known.
@@ -84,15 +101,25 @@ impl<'a> Duels<'a> {
         let round =
             decades.flat_map(|power| [1.0, 2.0, 5.0].map(|digit| digit * 10_f64.powi(power)));
         let round: Vec<f64> = round.filter(|&time| self.best_other(time).is_some()).collect();
-        if round.len() < 2 { knots.to_vec() } else { round }
+        if round.len() > 1 {
+            return round;
+        }
+        let every = knots.len().div_ceil(MOST_TIMES);
+        knots.iter().copied().step_by(every).collect()
+    }
+
+    /// The knots at which another method wins.
+    fn wins(&self) -> Vec<f64> {
+        self.knots().into_iter().filter(|&time| self.winner(time).is_some()).collect()
     }
 
     fn sentence(&self, knots: &[f64]) -> String {
-        let wins = |times: &[f64]| -> Vec<f64> {
-            times.iter().copied().filter(|&time| self.winner(time).is_some()).collect()
-        };
-        let round = wins(&self.budgets(knots));
-        let won = if round.is_empty() { wins(knots) } else { round };
+        let mut won = self.budgets(knots);
+        won.retain(|&time| self.winner(time).is_some());
+        if won.is_empty() {
+            won.extend(self.others.iter().flat_map(|method| self.alone(method).wins()));
+            won.sort_by(f64::total_cmp);
+        }
         let Some(&budget) = won.get(won.len() / 2) else {
             let [from, to] = [knots[0], knots[knots.len() - 1]].map(seconds);
             let when = if from == to { format!("{from},") } else { format!("{from} to {to},") };
@@ -144,8 +171,8 @@ impl<'a> Duels<'a> {
 
     /// The last time at which a method wins, and whether it loses after it; `None` if it never
     /// wins.
-    fn last_win(&self, method: &Curve) -> Option<(f64, bool)> {
-        let duel = Duels { plain: self.plain, others: vec![method], metric: self.metric };
+    fn last_win(&self, method: &'a Curve) -> Option<(f64, bool)> {
+        let duel = self.alone(method);
         let knots = duel.knots();
         // Below 0 where the method wins.
         let gap = |time: f64| duel.best_other(time).map(|(_, error, plain)| (error / plain).ln());

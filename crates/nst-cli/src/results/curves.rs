@@ -97,6 +97,11 @@ impl Curve {
         self.placed.iter().map(|(seconds, _)| *seconds)
     }
 
+    /// The shortest and the longest of [`Self::times`].
+    pub(super) fn span(&self) -> Option<[f64; 2]> {
+        Some([self.placed.first()?.0, self.placed.last()?.0])
+    }
+
     /// The error for a budget of time: linear in the logarithms between measured points, and
     /// `None` beyond them.
     pub(crate) fn error_at(&self, seconds: f64) -> Option<f64> {

@@ -33,6 +33,8 @@ pub enum Kind {
     Csv,
     /// A document as text.
     Markdown,
+    /// A page for browsers, which names the program that wrote it in its first 4 KiB.
+    Html,
     /// A drawing as text.
     Svg,
 }
@@ -54,6 +56,7 @@ impl Kind {
             Self::Dataset => "a dataset",
             Self::Csv => "a CSV table",
             Self::Markdown => "a Markdown document",
+            Self::Html => "an HTML page",
             Self::Svg => "an SVG drawing",
         }
     }
@@ -118,6 +121,9 @@ impl Found {
             return Ok(Self { kind: Some(Kind::Svg), ours: is_ours(program) });
         }
         let first_line = text.lines().next().unwrap_or_default();
+        if first_line.trim().eq_ignore_ascii_case("<!doctype html>") {
+            return Ok(Self { kind: Some(Kind::Html), ours: generator(text).is_some_and(is_ours) });
+        }
         let kind = if first_line.starts_with("# ") && named("md") {
             Some(Kind::Markdown)
         } else if first_line.contains(',') && named("csv") {
@@ -140,6 +146,11 @@ fn text_at(start: &[u8]) -> &str {
         Err(_) => "",
     };
     if text.contains('\0') { "" } else { text }
+}
+
+/// The program that a page says has written it.
+fn generator(page: &str) -> Option<&str> {
+    page.split_once("<meta name=\"generator\" content=\"")?.1.split_once('"').map(|(name, _)| name)
 }
 
 /// Whether a text begins as an SVG drawing.
@@ -175,6 +186,8 @@ mod tests {
             ("x", "", &[Kind::Picture, Kind::Csv, Kind::Dataset][..]),
             ("x.csv", "method,spp\nS,1\n", &[Kind::Csv]),
             ("x.md", "# Stability\n", &[Kind::Markdown]),
+            ("x.html", "<!DOCTYPE html>\n<p>a, b", &[Kind::Html]),
+            ("x.html", "<p>a, b", &[]),
             ("x.svg", "<?xml version=\"1.0\"?>\n<svg>a, b</svg>\n", &[Kind::Svg]),
             ("x.csv", "<svg a,b", &[Kind::Csv]),
             ("x.svg", "# a, b\n", &[]),
@@ -186,7 +199,9 @@ mod tests {
             let path = folder.path().join(file);
             let open = |kind, name| Outputs::default().open(&path, kind, name).map(drop);
             std::fs::write(&path, content)?;
-            for kind in [Kind::Picture, Kind::Csv, Kind::Markdown, Kind::Dataset, Kind::Svg] {
+            for kind in
+                [Kind::Picture, Kind::Csv, Kind::Markdown, Kind::Html, Kind::Dataset, Kind::Svg]
+            {
                 let allowed = content.is_empty() || allowed.contains(&kind);
                 assert_eq!(open(kind, Name::Given).is_ok(), allowed, "{kind:?} over {content:?}");
             }
@@ -238,6 +253,16 @@ mod tests {
         std::fs::write(&path, bytes)?;
         assert!(Outputs::default().open(&path, Kind::Png, Name::Default).is_err());
         assert!(Outputs::default().open(&path, Kind::Png, Name::Given).is_ok());
+        let path = folder.path().join("model.html");
+        for (content, ours) in [
+            ("", false),
+            ("<meta name=\"generator\" content=\"nstar 2\">", false),
+            ("<meta name=\"generator\" content=\"nst 0.0.9\">", true),
+        ] {
+            std::fs::write(&path, format!("<!doctype html>\n{content}"))?;
+            let open = |name| Outputs::default().open(&path, Kind::Html, name).is_ok();
+            assert_eq!((open(Name::Given), open(Name::Default)), (true, ours), "{content}");
+        }
         Ok(())
     }
 }

@@ -132,6 +132,22 @@ fn differences_that_may_be_chance() {
     assert!(sentence(0.2).contains("equal time;"));
 }
 
+/// The only gain is where no round budget is.
+#[test]
+fn a_gain_at_one_time() {
+    let found = advice(
+        &table(&[PLAIN_POINTS, ("a", &[(8, 5.5, 2.0), (80, 6.0, 0.1), (800, 60.0, 0.1)])]),
+        Metric::Mse,
+    );
+    assert!(found.contains("For a budget of 6 s") && found.contains("pick 'a'"), "{found}");
+    assert!(found.ends_with("from 10 s on, plain sampling wins."), "{found}");
+    // The logarithms' slopes differ by 54, their distance at first is ln 18: e^(2.9 / 54) later.
+    let ends = ("a", &[(8, 5.5, 0.01), (80, 6.0, 1.0), (800, 60.0, 1.0)][..]);
+    let found = advice(&table(&[PLAIN_POINTS, ends]), Metric::Mse);
+    assert!(found.contains("For a budget of 5.5 s") && found.contains("pick 'a'"), "{found}");
+    assert!(found.ends_with("from 5.8 s on, plain sampling wins."), "{found}");
+}
+
 #[test]
 fn budgets_are_round() {
     let found = |methods: &[Points]| budgets(&table(methods).curves(Metric::Mse));
