@@ -7,6 +7,7 @@ use clap::Subcommand;
 use super::{
     common::CommonArgs,
     method::{BackendArg, TransformArg, transform},
+    picture::{NamedPicture, named_picture},
     render::PixelArg,
     values::{count, seed, size},
 };
@@ -71,7 +72,7 @@ pub(crate) struct BenchSceneArgs {
     pub(crate) transform: Vec<TransformArg>,
     /// Also judge a picture of another program, which says its samples per pixel, and perhaps
     /// its renderTimeSeconds; can be given several times, with one name for several runs.
-    #[arg(long, value_name = "NAME=EXR", value_parser = named_picture)]
+    #[arg(long, value_name = "NAME=FILE[:LAYER]", value_parser = named_picture)]
     pub(crate) picture: Vec<NamedPicture>,
     /// What networks run on.
     #[arg(long, value_enum, default_value_t)]
@@ -81,22 +82,6 @@ pub(crate) struct BenchSceneArgs {
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) common: CommonArgs,
-}
-
-/// A picture, and what its method is called.
-#[derive(Clone, Debug)]
-pub(crate) struct NamedPicture {
-    pub(crate) name: String,
-    pub(crate) path: PathBuf,
-}
-
-fn named_picture(text: &str) -> Result<NamedPicture, String> {
-    match text.split_once('=') {
-        Some((name, path)) if !name.is_empty() && !path.is_empty() => {
-            Ok(NamedPicture { name: name.to_owned(), path: path.into() })
-        }
-        _ => Err("write a name, =, and a file, as in oidn=denoised.exr".to_owned()),
-    }
 }
 
 /// Apply all methods to sequences that are known to break some of them, write CSV.

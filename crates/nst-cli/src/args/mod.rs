@@ -6,6 +6,7 @@ mod chart;
 mod common;
 mod method;
 mod pack;
+mod picture;
 #[cfg(feature = "render")]
 mod render;
 mod report;
@@ -16,14 +17,15 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand};
 
 #[cfg(feature = "render")]
-pub(crate) use bench::{Bench, BenchArgs, BenchSceneArgs, BenchStabilityArgs, NamedPicture};
+pub(crate) use bench::{Bench, BenchArgs, BenchSceneArgs, BenchStabilityArgs};
 pub(crate) use chart::ChartArgs;
 pub(crate) use common::CommonArgs;
 pub(crate) use method::{BackendArg, MethodArgs, TransformArg};
 pub(crate) use pack::{PackArgs, PackAs};
+pub(crate) use picture::NamedPicture;
 #[cfg(feature = "render")]
 pub(crate) use render::{IntegratorArg, KeepArg, RenderArgs};
-pub(crate) use report::{NamedPicture, ReportArgs};
+pub(crate) use report::ReportArgs;
 use values::ending_in;
 pub(crate) use values::has_extension;
 

@@ -9,9 +9,10 @@ use super::{
     stored::{encode, reduce},
 };
 use crate::{
-    commands::{compare::MAP_SCALE, list},
+    commands::compare::MAP_SCALE,
     error::Error,
     results::{Metric, PLAIN, Results},
+    words::list,
 };
 
 /// The most bytes of a page: what mails and trackers usually take.

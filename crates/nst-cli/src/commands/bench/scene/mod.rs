@@ -41,7 +41,7 @@ const PATHS_PER_METHOD: u64 = 8;
 pub(super) fn run(args: &BenchSceneArgs) -> Result<Done, Error> {
     check_seeds(args)?;
     let mut inputs: Vec<_> = args.reference.clone();
-    inputs.extend(args.picture.iter().map(|picture| picture.path.clone()));
+    inputs.extend(args.picture.iter().map(|picture| picture.file.clone()));
     inputs.extend(args.sequence.clone());
     interrupt::finish_on_signal();
     let given =

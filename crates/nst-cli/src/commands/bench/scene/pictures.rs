@@ -32,9 +32,9 @@ pub(super) struct Other {
 /// are independent runs.
 pub(super) fn others(meter: &Meter<'_>, named: &[NamedPicture]) -> Result<Vec<Other>, Error> {
     let mut others: Vec<Other> = Vec::new();
-    for NamedPicture { name, path } in named {
-        let picture = Picture::open(path, None)?;
-        let shown = path.display();
+    for NamedPicture { name, file, layer } in named {
+        let picture = Picture::open(file, layer.as_deref())?;
+        let shown = file.display();
         let [width, height] = meter.origin.size;
         if picture.size != meter.origin.size || picture.channel_names.len() != 3 {
             return Err(Error::Unlike(format!(
