@@ -56,7 +56,7 @@ impl Font {
         text.chars().map(|letter| self.advance(letter)).sum()
     }
 
-    /// The text, or so much of its start as `width` has room for, and an ellipsis.
+    /// The text, or as much of its start as fits into `width`, with an ellipsis.
     pub(super) fn shorten(self, text: &str, width: f64) -> String {
         if self.width(text) <= width {
             return text.to_owned();

@@ -35,7 +35,7 @@ const GAP: f64 = 20.0;
 const LARGE: f64 = 420.0;
 const SMALL: f64 = 310.0;
 
-/// PNG files have so many pixels per pixel of the SVG, for sharp screens and for print.
+/// Pixels of the PNG per pixel of the SVG, for sharp screens and for print.
 const PNG_SCALE: f64 = 2.0;
 
 /// A chart.

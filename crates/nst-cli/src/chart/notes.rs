@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::select::{Styles, display_name};
 use crate::results::{Curves, Metric, Results, Row};
 
-/// At most so many reasons of failure.
+/// The most reasons of failure that are listed.
 const MOST_FAILURES: usize = 12;
 
 /// What was measured, and on what: one line.

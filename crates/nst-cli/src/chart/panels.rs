@@ -11,7 +11,7 @@ use crate::results::{
     text::{number, seconds},
 };
 
-/// At most so many budgets are compared, and so many sample counts have a tick.
+/// The most budgets that are compared, and the most sample counts that have ticks.
 const MOST_TICKS: usize = 9;
 
 /// Error against the time of the whole job.

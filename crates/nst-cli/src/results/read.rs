@@ -144,7 +144,7 @@ pub(crate) fn read_rows(path: &Path) -> Result<Vec<Row>, Error> {
     let mut reader = csv::Reader::from_reader(file);
     let header = reader.headers().map_err(failed)?.clone();
     if header.is_empty() {
-        return Err(malformed("it is empty; nst bench scene writes such a table".into()));
+        return Err(malformed("it is empty; nst bench scene writes tables of results".into()));
     }
     let mut record = StringRecord::new();
     let mut rows = Vec::new();
