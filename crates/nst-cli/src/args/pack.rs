@@ -25,7 +25,7 @@ pub(crate) struct PackArgs {
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
     /// Layer to read, as in `diffuse`, or a channel by its whole name. [default: the main
-    /// picture, or the only layer]
+    /// picture, Blender's `Combined`, or the only layer]
     #[arg(long, value_name = "LAYER", alias = "channels")]
     pub(crate) layer: Option<String>,
     /// With --as samples: samples per pixel of each file. [default: what the files say]

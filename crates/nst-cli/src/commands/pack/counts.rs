@@ -25,7 +25,7 @@ pub(super) fn samples_each(spp: Option<u32>, pictures: &[Picture]) -> Result<(u3
             }
             return Err(Error::Usage(format!(
                 "'{path}' does not say with how many samples per pixel it was rendered (attribute \
-                 samplesPerPixel); say it with --spp"
+                 samplesPerPixel, or Blender's cycles.VIEW.samples); say it with --spp"
             )));
         };
         if Some(spp) != first.samples_per_pixel {
