@@ -19,7 +19,7 @@ METHODS = ("none", "auto", ODD)
 COLUMNS = """
     scene method spp run mse relmse smape mse_trimmed bias2 predicted_mse load_seconds render_seconds
     transform_seconds transform_warm_seconds io_seconds total_seconds width height reference_mse threads
-    machine adapter version schema failure
+    machine adapter version schema failure fingerprint seed
 """.split()  # noqa: SIM905
 
 
