@@ -160,7 +160,7 @@ mod tests {
         close(error.smape, 2.0 / 6.01 / 4.0);
         assert_eq!((error.nonfinite, error.mse), (0, error.mse_trimmed));
         let bias = halves.bias_squared(&[4.0, 2.0, 2.0, 1.0], &[2.0, 2.0, 2.0, 1.0])?;
-        close(bias, ((3.0 * -1.0 + 1.0) / 2.0 - 1.0 - 1.0) / 4.0);
+        close(bias, ((1.0 - 3.0) / 2.0 - 1.0 - 1.0) / 4.0);
         // A pixel that is not finite in one channel is left out in all.
         let error = halves.error(&[f32::NAN, 2.0, 2.0, 1.0])?;
         close(error.mse, -0.5);
