@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::select::{Styles, display_name};
-use crate::results::{Curves, Metric, Results, Row};
+use crate::results::{Curve, Curves, Metric, Results, Row};
 
 /// The most reasons of failure that are listed.
 const MOST_FAILURES: usize = 12;
@@ -50,6 +50,13 @@ pub(super) fn below(results: &Results, all: &[Curves], styles: &Styles) -> Vec<S
     };
     let front = "On the Pareto front, marked by rings, nothing is both faster and more accurate.";
     let mut notes = vec![format!("{points} {front}")];
+    if all.iter().any(goes_on) {
+        notes.push(
+            "Where plain sampling was not measured for as long as others, its error goes on in \
+             inverse proportion to its samples."
+                .to_owned(),
+        );
+    }
     let machines = results.distinct(|row| &row.machine);
     if machines.len() > 1 {
         notes.push("Times are of several machines, and cannot be compared.".to_owned());
@@ -59,6 +66,17 @@ pub(super) fn below(results: &Results, all: &[Curves], styles: &Styles) -> Vec<S
     notes.extend(without_time(results));
     notes.extend(failures(results.rows()));
     notes
+}
+
+/// Whether other methods took longer than plain sampling, which is squared error.
+fn goes_on(curves: &Curves) -> bool {
+    let longest = |curve: &Curve| curve.times().last();
+    let plain = curves.plain().and_then(longest);
+    let beyond = |time: f64| plain.is_some_and(|plain| plain < time);
+    let slowest = curves.others().filter_map(longest).max_by(f64::total_cmp);
+    slowest.is_some_and(|time| {
+        beyond(time) && curves.plain().is_some_and(|plain| plain.error_at(time).is_some())
+    })
 }
 
 fn muted(all: &[Curves], styles: &Styles) -> Option<String> {

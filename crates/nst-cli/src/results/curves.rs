@@ -35,6 +35,9 @@ pub(crate) struct Curve {
     pub(crate) points: Vec<Point>,
     /// The points with a place, from the fastest; of those that take the same time, the best.
     placed: Vec<(f64, Point)>,
+    /// Where the error is known beyond the points, as it is in inverse proportion to the
+    /// samples: the seconds of a job that do not depend on them.
+    overhead: Option<f64>,
 }
 
 /// All methods that were measured, in the order of the table.
@@ -67,8 +70,11 @@ impl Curves {
         for i in front(&places) {
             placed[i].on_front = true;
         }
-        let curves = methods.into_iter().map(|(method, points)| Curve::new(method, points));
-        Self { metric, curves: curves.collect() }
+        let curve = |(method, points): (&str, Vec<Point>)| Curve {
+            overhead: overhead(summaries, method, metric),
+            ..Curve::new(method, points)
+        };
+        Self { metric, curves: methods.into_iter().map(curve).collect() }
     }
 
     /// The plain estimate, if it was measured.
@@ -89,7 +95,7 @@ impl Curve {
         placed.sort_by(|a, b| order(place(a), place(b)));
         placed.dedup_by_key(|point| point.seconds);
         let placed = placed.into_iter().map(|point| (place(point).0, *point)).collect();
-        Self { method: method.to_owned(), points, placed }
+        Self { method: method.to_owned(), points, placed, overhead: None }
     }
 
     /// The measured times at which the error is above 0, from the shortest, each once.
@@ -102,8 +108,9 @@ impl Curve {
         Some([self.placed.first()?.0, self.placed.last()?.0])
     }
 
-    /// The error for a budget of time: linear in the logarithms between measured points, and
-    /// `None` beyond them.
+    /// The error for a budget of time: linear in the logarithms between measured points. Beyond
+    /// them it is `None`, but for plain sampling, whose squared error is in inverse proportion
+    /// to the samples: more time than was measured buys more of them.
     pub(crate) fn error_at(&self, seconds: f64) -> Option<f64> {
         self.at(seconds, |point| Some(point.error))
     }
@@ -117,8 +124,14 @@ impl Curve {
     }
 
     fn at(&self, seconds: f64, value: impl Fn(&Point) -> Option<f64>) -> Option<f64> {
+        if seconds.is_nan() {
+            return None;
+        }
         let after = self.placed.partition_point(|(time, _)| *time < seconds);
-        let (late_time, late) = self.placed.get(after)?;
+        let Some((late_time, late)) = self.placed.get(after) else {
+            let ((last_time, last), overhead) = (self.placed.last()?, self.overhead?);
+            return Some(value(last)? * (last_time - overhead) / (seconds - overhead));
+        };
         if *late_time == seconds {
             return value(late);
         }
@@ -127,6 +140,15 @@ impl Curve {
         let share = (seconds / early_time).ln() / (late_time / early_time).ln();
         Some(early * (late / early).powf(share))
     }
+}
+
+/// The seconds of plain sampling that do not depend on the samples, if both are known; `None`
+/// for other methods, and for metrics that are no squares.
+fn overhead(summaries: &[Summary], method: &str, metric: Metric) -> Option<f64> {
+    let of_plain = |it: &&Summary| it.method == PLAIN && method == PLAIN && metric != Metric::Smape;
+    let last = summaries.iter().filter(of_plain).max_by_key(|it| it.spp)?;
+    let (total, render) = (last.seconds.total?, last.seconds.render?);
+    (render > 0.0 && render <= total).then_some(total - render)
 }
 
 /// From the fastest, and then from the smallest error.
@@ -200,6 +222,28 @@ mod tests {
         let curve = Curve::new("m", points);
         let [low, high] = curve.interval_at(2.0).expect("between measured points");
         assert!(low > 0.0 && low < 1e-100 && (high - 8.0).abs() < 1e-12, "{low} {high}");
+    }
+
+    #[test]
+    fn plain_sampling_goes_on_as_one_over_n() {
+        let row = |method: &str, total| Row {
+            method: method.into(),
+            spp: 8,
+            mse: Some(4.0),
+            smape: Some(4.0),
+            render_seconds: Some(total - 1.0),
+            total_seconds: Some(total),
+            ..Row::default()
+        };
+        let summaries = Summary::all(&[row("none", 3.0), row("other", 3.0)]);
+        let curves = Curves::of(&summaries, Metric::Mse);
+        let plain = curves.plain().expect("it is there");
+        // Two seconds of samples become eight, beside one that stays.
+        assert_eq!([plain.error_at(3.0), plain.error_at(9.0)], [Some(4.0), Some(1.0)]);
+        assert_eq!([plain.error_at(2.9), plain.error_at(f64::NAN)], [None, None]);
+        assert_eq!(curves.curves[1].error_at(9.0), None, "it may be biased");
+        let smape = Curves::of(&summaries, Metric::Smape);
+        assert_eq!(smape.curves[0].error_at(9.0), None, "it is no square");
     }
 
     #[test]
