@@ -345,21 +345,23 @@ impl Drawing<'_> {
     }
 }
 
-/// Places near the wanted ones, in their order, at least `gap` apart and within the limits, if
-/// there is room.
+/// The places nearest to the wanted ones (by least squares), in their order, at least `gap`
+/// apart and within the limits, if there is room.
 fn spread(wanted: &[f64], gap: f64, [low, high]: [f64; 2]) -> Vec<f64> {
-    let mut places = wanted.to_vec();
-    let mut least = low;
-    for place in &mut places {
-        *place = place.max(least);
-        least = *place + gap;
+    // Without the gaps, places must not fall: neighbours that would are pooled, as in isotonic
+    // regression. Each pool has a sum and a count.
+    let mut pools: Vec<(f64, usize)> = Vec::new();
+    let mean = |(sum, count): (f64, usize)| sum / count as f64;
+    for (i, place) in wanted.iter().enumerate() {
+        let mut pool = (place - gap * i as f64, 1);
+        while let Some(before) = pools.pop_if(|before| mean(*before) > mean(pool)) {
+            pool = (pool.0 + before.0, pool.1 + before.1);
+        }
+        pools.push(pool);
     }
-    let mut most = high;
-    for place in places.iter_mut().rev() {
-        *place = place.min(most);
-        most = *place - gap;
-    }
-    places
+    let most = high - gap * wanted.len().saturating_sub(1) as f64;
+    let places = pools.into_iter().flat_map(|pool| std::iter::repeat_n(mean(pool), pool.1));
+    places.enumerate().map(|(i, place)| place.min(most).max(low) + gap * i as f64).collect()
 }
 
 /// The first and last point, and of the others those that are at least `gap` from the one
@@ -383,7 +385,8 @@ mod tests {
     fn names_do_not_overlap() {
         let limits = [0.0, 100.0];
         assert_eq!(spread(&[10.0, 50.0], 15.0, limits), [10.0, 50.0]);
-        assert_eq!(spread(&[10.0, 12.0, 60.0], 15.0, limits), [10.0, 25.0, 60.0]);
+        // In the middle of what both want.
+        assert_eq!(spread(&[10.0, 12.0, 60.0], 15.0, limits), [3.5, 18.5, 60.0]);
         assert_eq!(spread(&[-3.0, 98.0, 99.0, 99.0], 15.0, limits), [0.0, 70.0, 85.0, 100.0]);
         // Too many: they stay in order.
         let many = spread(&[50.0; 20], 15.0, limits);
