@@ -1,7 +1,7 @@
 //! Work-precision diagrams out of a table of results: error against time, against samples, and
 //! at equal time.
 //!
-//! A [`Canvas`] is a list of shapes, which [`svg`] writes and [`paint`] turns
+//! A [`canvas::Canvas`] is a list of shapes, which [`svg`] writes and [`paint`] turns
 //! into pixels; so both show the same.
 
 mod canvas;
