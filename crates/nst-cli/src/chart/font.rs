@@ -70,6 +70,23 @@ impl Font {
         text.chars().take_while(fits).chain(['…']).collect()
     }
 
+    /// The text, or as much of its start and its end as fits into `width`, with an ellipsis
+    /// between: names often differ at their ends.
+    pub(super) fn shorten_middle(self, text: &str, width: f64) -> String {
+        let letters: Vec<char> = text.chars().collect();
+        let cut = |kept: usize| -> String {
+            let (start, end) = (kept.div_ceil(2), letters.len() - kept / 2);
+            letters[..start].iter().chain(&['…']).chain(&letters[end..]).collect()
+        };
+        if self.width(text) <= width {
+            return text.to_owned();
+        }
+        // No letter is narrower than a pixel.
+        let most = letters.len().saturating_sub(1).min(width as usize);
+        let fits = |text: &String| self.width(text) <= width;
+        (0..=most).rev().map(cut).find(fits).unwrap_or_else(|| "…".to_owned())
+    }
+
     /// The text in lines that are no wider than `width`, at most `most`; the last one says if
     /// there is more.
     pub(super) fn wrap(self, text: &str, width: f64, most: usize) -> Vec<String> {
@@ -173,6 +190,11 @@ mod tests {
         assert_eq!(font.shorten("short", 100.0), "short");
         let short = font.shorten(&"wide ".repeat(1000), 100.0);
         assert!(short.starts_with("wide") && short.ends_with('…') && font.width(&short) <= 100.0);
+        assert_eq!(font.shorten_middle("short", 100.0), "short");
+        let middle = font.shorten_middle("teapot-diffuse-halton", 100.0);
+        assert!(middle.starts_with("teapot") && middle.ends_with("halton"), "{middle}");
+        assert!(font.width(&middle) <= 100.0 && font.width(&middle) > 85.0, "{middle}");
+        assert_eq!(font.shorten_middle(&"x".repeat(100_000), 5.0), "…");
     }
 
     #[test]

@@ -88,7 +88,7 @@ fn muted(all: &[Curves], styles: &Styles) -> Option<String> {
             names.push(name);
         }
     }
-    (!names.is_empty()).then(|| format!("In grey: {}.", names.join(", ")))
+    (!names.is_empty()).then(|| format!("In grey, where within a plot: {}.", names.join(", ")))
 }
 
 /// What has no place on a logarithmic axis.

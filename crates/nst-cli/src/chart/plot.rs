@@ -14,7 +14,7 @@ use super::{
 const TOP: f64 = 26.0;
 const BOTTOM: f64 = 40.0;
 const LEFT: f64 = 50.0;
-const RIGHT: f64 = 112.0;
+const RIGHT: f64 = 120.0;
 
 const TITLE: Font = Font::bold(14.0);
 const NUMBERS: Font = Font::regular(12.0);
@@ -89,7 +89,13 @@ impl Plot {
         let (left, right) = (area.x + LEFT, area.x + area.width - RIGHT);
         let (top, bottom) = (area.y + TOP, area.y + area.height - BOTTOM);
         let dots = || self.series.iter().flat_map(|series| &series.dots);
-        let heights = dots().flat_map(|dot| {
+        // Methods without a name may be worse by powers of ten; they must not press the others
+        // together.
+        let named = || self.series.iter().filter(|series| !series.style.is_muted());
+        let of_named = || named().flat_map(|series| &series.dots);
+        let tall: Vec<&Dot> =
+            if of_named().next().is_some() { of_named().collect() } else { dots().collect() };
+        let heights = tall.into_iter().flat_map(|dot| {
             // Intervals that reach far down would press the curves together.
             let [low, high] = dot.interval.unwrap_or([dot.at[1]; 2]);
             [dot.at[1], low.max(dot.at[1] / 3.0), high]
@@ -256,12 +262,22 @@ impl Drawing<'_> {
         Some([clipped(start), clipped(end)])
     }
 
-    /// Methods without a name: thin, and with small marks, none upon another.
+    /// Methods without a name: thin, with small marks, none upon another; as far as they are
+    /// within the plot.
     fn muted(&mut self, series: &[Series]) {
         let mut taken = BTreeSet::new();
         for Series { style, dots, .. } in series.iter().filter(|series| series.style.is_muted()) {
-            self.path(dots, style);
-            for dot in dots {
+            let mut line: Vec<[f64; 2]> = Vec::new();
+            for pair in dots.windows(2) {
+                let Some([start, end]) = self.clip([pair[0].at, pair[1].at]) else { continue };
+                if line.last() != Some(&start) {
+                    self.path(&line, style);
+                    line = vec![start];
+                }
+                line.push(end);
+            }
+            self.path(&line, style);
+            for dot in dots.iter().filter(|dot| self.y.contains(dot.at[1])) {
                 let at = self.at(dot.at);
                 // Cells of four pixels, about as large as a mark.
                 if taken.insert(at.map(|pixel| (pixel / 4.0).floor() as i64)) {
@@ -272,16 +288,16 @@ impl Drawing<'_> {
         }
     }
 
-    fn path(&mut self, dots: &[Dot], style: &Style) {
-        let places: Vec<_> = dots.iter().map(|dot| self.at(dot.at)).collect();
+    fn path(&mut self, places: &[[f64; 2]], style: &Style) {
         let stroke = Stroke { ink: style.ink, width: style.width, dash: style.dash };
         if places.len() > 1 {
-            self.canvas.line("curve", thin(&places, 0.5), stroke);
+            self.canvas.line("curve", thin(places, 0.5), stroke);
         }
     }
 
     fn curve(&mut self, Series { style, dots, .. }: &Series) {
-        self.path(dots, style);
+        let places: Vec<_> = dots.iter().map(|dot| self.at(dot.at)).collect();
+        self.path(&places, style);
         let mut last = [f64::NEG_INFINITY; 2];
         for dot in dots {
             let [x, y] = self.at(dot.at);
@@ -323,27 +339,29 @@ impl Drawing<'_> {
                 self.canvas.line("leader", leader, Stroke::solid(Ink::Muted, 0.7));
             }
             self.canvas.marker((style.marker, style.radius), [x, y], style.ink, None);
-            let text = NAMES.shorten(name, RIGHT - 24.0);
+            let text = NAMES.shorten_middle(name, RIGHT - 24.0);
             self.canvas.text([x + 9.0, y + 4.0], text, (NAMES, Anchor::Start, Ink::Text));
         }
     }
 }
 
-/// Places near the wanted ones, in their order, at least `gap` apart and within the limits, if
-/// there is room.
+/// The places nearest to the wanted ones (by least squares), in their order, at least `gap`
+/// apart and within the limits, if there is room.
 fn spread(wanted: &[f64], gap: f64, [low, high]: [f64; 2]) -> Vec<f64> {
-    let mut places = wanted.to_vec();
-    let mut least = low;
-    for place in &mut places {
-        *place = place.max(least);
-        least = *place + gap;
+    // Without the gaps, places must not fall: neighbours that would are pooled, as in isotonic
+    // regression. Each pool has a sum and a count.
+    let mut pools: Vec<(f64, usize)> = Vec::new();
+    let mean = |(sum, count): (f64, usize)| sum / count as f64;
+    for (i, place) in wanted.iter().enumerate() {
+        let mut pool = (place - gap * i as f64, 1);
+        while let Some(before) = pools.pop_if(|before| mean(*before) > mean(pool)) {
+            pool = (pool.0 + before.0, pool.1 + before.1);
+        }
+        pools.push(pool);
     }
-    let mut most = high;
-    for place in places.iter_mut().rev() {
-        *place = place.min(most);
-        most = *place - gap;
-    }
-    places
+    let most = high - gap * wanted.len().saturating_sub(1) as f64;
+    let places = pools.into_iter().flat_map(|pool| std::iter::repeat_n(mean(pool), pool.1));
+    places.enumerate().map(|(i, place)| place.min(most).max(low) + gap * i as f64).collect()
 }
 
 /// The first and last point, and of the others those that are at least `gap` from the one
@@ -367,7 +385,8 @@ mod tests {
     fn names_do_not_overlap() {
         let limits = [0.0, 100.0];
         assert_eq!(spread(&[10.0, 50.0], 15.0, limits), [10.0, 50.0]);
-        assert_eq!(spread(&[10.0, 12.0, 60.0], 15.0, limits), [10.0, 25.0, 60.0]);
+        // In the middle of what both want.
+        assert_eq!(spread(&[10.0, 12.0, 60.0], 15.0, limits), [3.5, 18.5, 60.0]);
         assert_eq!(spread(&[-3.0, 98.0, 99.0, 99.0], 15.0, limits), [0.0, 70.0, 85.0, 100.0]);
         // Too many: they stay in order.
         let many = spread(&[50.0; 20], 15.0, limits);

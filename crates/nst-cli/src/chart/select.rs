@@ -5,6 +5,9 @@ use std::collections::BTreeMap;
 use super::palette::{NAMED, Style};
 use crate::results::{Curve, Curves, PLAIN, budgets};
 
+/// The method that chooses by itself.
+const AUTO: &str = "auto";
+
 /// The styles of methods by their names.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Styles {
@@ -12,7 +15,7 @@ pub(super) struct Styles {
 }
 
 impl Styles {
-    /// Names those on the Pareto front, and then those that are best at equal time; all, if
+    /// Names `auto`, which users get who choose nothing, those on the Pareto front, and then those that are best at equal time; all, if
     /// there are few. The order of the table decides who gets which style.
     pub(super) fn choose(all: &[Curves]) -> Self {
         let mut methods: Vec<&str> = Vec::new();
@@ -29,9 +32,10 @@ impl Styles {
             }
         }
         let mut ranked = methods.clone();
-        ranked.sort_by(|a, b| {
+        ranked.sort_by(|&a, &b| {
+            let own = (b == AUTO).cmp(&(a == AUTO));
             let (a, b) = (scores[a], scores[b]);
-            b.0.cmp(&a.0).then(a.1.total_cmp(&b.1))
+            own.then(b.0.cmp(&a.0)).then(a.1.total_cmp(&b.1))
         });
         ranked.truncate(NAMED);
         let named = methods.iter().filter(|method| ranked.contains(method)).enumerate();
@@ -110,5 +114,8 @@ mod tests {
             ("g", 10.0, 0.6),
         ];
         assert_eq!(chosen(&many), ["front", "c", "d", "e", "f", "g"]);
+        let mut with_auto = many;
+        with_auto[2].0 = "auto";
+        assert_eq!(chosen(&with_auto), ["front", "auto", "c", "d", "e", "f"]);
     }
 }
