@@ -2,14 +2,12 @@
 //!
 //! [`error()`] takes lanes one by one. [`RunErrors`] compares several independent
 //! runs with one reference, and tells bias from variance; its unit is the pixel,
-//! the lanes of which are its channels. [`Halves`] is a reference that knows its own error.
-
-mod halves;
+//! the lanes of which are its channels. [`crate::halves`] has a reference that knows its
+//! own error.
 
 use std::fmt;
 
 use crate::Error;
-pub use halves::{Halves, HalvesError};
 
 /// Added to the denominator of relMSE and SMAPE, so that nearly black lanes do not decide
 /// the mean: below a radiance of 0.1, it is the larger part of I² + 0.01.

@@ -21,12 +21,7 @@ pub(crate) use advice::{advice, budgets};
 pub(crate) use curves::{Curve, Curves, Point};
 pub(crate) use metric::Metric;
 pub(crate) use read::Results;
-pub(crate) use row::{PLAIN, Row};
-#[allow(unused_imports, reason = "for commands that write tables or show them whole")]
-pub(crate) use {
-    curves::front,
-    read::read_rows,
-    row::SCHEMA,
-    statistics::Spread,
-    summary::{Seconds, Summary},
-};
+#[cfg(feature = "render")]
+pub(crate) use read::read_rows;
+pub(crate) use row::{PLAIN, Row, SCHEMA};
+pub(crate) use summary::Summary;

@@ -5,7 +5,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use nst_core::{Estimates, SequenceBatch, Side, metrics::HalvesError};
+use nst_core::{Estimates, SequenceBatch, Side, halves::HalvesError};
 use nst_files::{ColorModel, output::OutputFile, picture_writer::write_exr};
 
 use super::{

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nst_core::{Keep, metrics::Halves};
+use nst_core::{Keep, halves::Halves};
 use nst_files::{ColorModel, output::OutputFile, picture::Picture, picture_writer::write_exr};
 use nst_render::{Control, RenderSettings, SamplerKind, Scene, render_from};
 

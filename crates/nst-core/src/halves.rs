@@ -1,7 +1,9 @@
 //! Errors against a reference that is two independent estimates of the true values.
 
-use super::{EPSILON, Metric, TRIMMED};
-use crate::Error;
+use crate::{
+    Error,
+    metrics::{EPSILON, Metric, TRIMMED},
+};
 
 /// Two independent, unbiased estimates R₁ and R₂ of the true values, planar lanes
 /// `[channel][pixel]`.
