@@ -12,18 +12,18 @@ use roxmltree::{Document, Node};
 const TABLE: &str = "\
 scene,method,spp,run,mse,relmse,smape,mse_trimmed,bias2,predicted_mse,load_seconds,render_seconds,\
 transform_seconds,transform_warm_seconds,io_seconds,total_seconds,width,height,reference_mse,\
-threads,machine,adapter,version,schema,failure
-box,none,8,0,0.012,0.12,0.1,0.01,0,,0.1,0.8,0,0,0.1,1,64,32,1e-6,2,a machine,,0.1.0,2,
-box,none,8,1,0.008,0.08,0.1,0.01,0,,0.1,0.8,0,0,0.1,1,64,32,1e-6,2,a machine,,0.1.0,2,
-box,none,16,0,0.006,0.06,0.1,0.01,0,,0.1,1.8,0,0,0.1,2,64,32,1e-6,2,a machine,,0.1.0,2,
-box,none,16,1,0.004,0.04,0.1,0.01,0,,0.1,1.8,0,0,0.1,2,64,32,1e-6,2,a machine,,0.1.0,2,
-box,none,32,0,0.003,0.03,0.1,0.01,0,,0.1,3.8,0,0,0.1,4,64,32,1e-6,2,a machine,,0.1.0,2,
-box,none,32,1,0.002,0.02,0.1,0.01,0,,0.1,3.8,0,0,0.1,4,64,32,1e-6,2,a machine,,0.1.0,2,
-box,<net>,8,0,,,,,,,,,,,,,64,32,1e-6,2,a machine,,0.1.0,2,\"it needs <16> samples, & has 8.\"
-box,<net>,16,0,0.003,0.2,0.1,0.01,0,,0.1,1.8,0.5,0.1,0.1,2.5,64,32,1e-6,2,a machine,,0.1.0,2,
-box,<net>,16,1,0.001,0.2,0.1,0.01,0,,0.1,1.8,0.5,0.1,0.1,2.5,64,32,1e-6,2,a machine,,0.1.0,2,
-box,<net>,32,0,0.002,0.2,0.1,0.01,0,,0.1,3.8,0.5,0.1,0.1,4.5,64,32,1e-6,2,a machine,,0.1.0,2,
-box,<net>,32,1,0.0008,0.2,0.1,0.01,0,,0.1,3.8,0.5,0.1,0.1,4.5,64,32,1e-6,2,a machine,,0.1.0,2,
+fingerprint,seed,threads,machine,adapter,version,schema,failure
+box,none,8,0,0.012,0.12,0.1,0.01,0,,0.1,0.8,0,0,0.1,1,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,2,
+box,none,8,1,0.008,0.08,0.1,0.01,0,,0.1,0.8,0,0,0.1,1,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,2,
+box,none,16,0,0.006,0.06,0.1,0.01,0,,0.1,1.8,0,0,0.1,2,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,2,
+box,none,16,1,0.004,0.04,0.1,0.01,0,,0.1,1.8,0,0,0.1,2,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,2,
+box,none,32,0,0.003,0.03,0.1,0.01,0,,0.1,3.8,0,0,0.1,4,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,2,
+box,none,32,1,0.002,0.02,0.1,0.01,0,,0.1,3.8,0,0,0.1,4,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,2,
+box,<net>,8,0,,,,,,,,,,,,,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,2,\"it needs <16> samples, & has 8.\"
+box,<net>,16,0,0.003,0.2,0.1,0.01,0,,0.1,1.8,0.5,0.1,0.1,2.5,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,2,
+box,<net>,16,1,0.001,0.2,0.1,0.01,0,,0.1,1.8,0.5,0.1,0.1,2.5,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,2,
+box,<net>,32,0,0.002,0.2,0.1,0.01,0,,0.1,3.8,0.5,0.1,0.1,4.5,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,2,
+box,<net>,32,1,0.0008,0.2,0.1,0.01,0,,0.1,3.8,0.5,0.1,0.1,4.5,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,2,
 ";
 
 /// The only texts of a node, and of those in it.
@@ -181,17 +181,21 @@ fn marks_stand_where_the_axes_say() {
     let [time, samples, equal] = frames[..] else { panic!("three plots: {}", frames.len()) };
     assert!(agrees(&document, &time, &expected(false)));
     assert!(agrees(&document, &samples, &expected(true)));
-    // Both were measured from 2.5 to 4 s, where there is no round budget. The errors of the two
+    // There is no round budget from 2.5 s on to 4.5 s, up to which the network was measured. The errors of the two
     // are lines in the logarithms: at 2.5 s, plain sampling has 0.01 / 2.5, and at 4 s, the
-    // network 0.002 · 0.7^(ln 1.6 / ln 1.8).
+    // network 0.002 · 0.7^(ln 1.6 / ln 1.8). After 4 s, of which 0.2 s are no samples, plain
+    // sampling goes on as 1/n.
     let late = 0.002 * 0.7_f64.powf(1.6_f64.ln() / 1.8_f64.ln()) / 0.0025;
+    let last = 0.0014 / (0.0025 * 3.8 / 4.3);
     let labels = [
         "plain sampling in 2.5 s: 1 of the plain estimate's MSE".to_owned(),
         "plain sampling in 4 s: 1 of the plain estimate's MSE".to_owned(),
+        "plain sampling in 4.5 s: 1 of the plain estimate's MSE".to_owned(),
         "<net> in 2.5 s: 0.5 of the plain estimate's MSE".to_owned(),
         format!("<net> in 4 s: {late:.3} of the plain estimate's MSE"),
+        format!("<net> in 4.5 s: {last:.3} of the plain estimate's MSE"),
     ];
-    let places = [[2.5, 1.0], [4.0, 1.0], [2.5, 0.5], [4.0, late]];
+    let places = [[2.5, 1.0], [4.0, 1.0], [4.5, 1.0], [2.5, 0.5], [4.0, late], [4.5, last]];
     let slices: Expected = labels.iter().map(String::as_str).zip(places).collect();
     assert!(agrees(&document, &equal, &slices));
 
@@ -270,10 +274,10 @@ fn the_png_shows_the_same() {
         format!("#{:02X}{:02X}{:02X}", bytes[3 * place], bytes[3 * place + 1], bytes[3 * place + 2])
     };
     let marks: Vec<_> = marks(&document);
-    assert_eq!(marks.len(), 2 * (5 + 5) + 2 * 4);
+    assert_eq!(marks.len(), 2 * (5 + 5) + 2 * 6);
     // Marks of plain sampling are drawn last; nothing lies above them.
     let plain: Vec<_> = marks.iter().filter(|(label, _)| label.starts_with("plain")).collect();
-    assert_eq!(plain.len(), 2 * (3 + 3) + 2 * 2);
+    assert_eq!(plain.len(), 2 * (3 + 3) + 2 * 3);
     for (label, place) in plain {
         assert_eq!(color(*place), "#1B1F24", "{label}");
         // Beside it, away from curves and intervals.

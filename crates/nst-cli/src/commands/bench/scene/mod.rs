@@ -47,19 +47,12 @@ pub(super) fn run(args: &BenchSceneArgs) -> Result<Done, Error> {
     let given =
         if args.reference.is_empty() { None } else { Some(Reference::read(&args.reference)?) };
     let (source, origin) = source(args, given.as_ref(), &mut inputs)?;
+    // Before minutes are spent: the table is stored many times, the pictures once.
     let mut outputs = Outputs::of_inputs(&inputs);
-    let reference = match (given, &source) {
-        (Some(reference), _) => reference,
-        (None, Source::Scene { scene, .. }) => {
-            // Before the reference takes minutes.
-            drop(outputs.open(&args.output, Kind::Csv, Name::Given)?);
-            outputs = Outputs::of_inputs(&inputs);
-            let largest = args.spp.iter().copied().max().unwrap_or_default();
-            let spp = args.reference_spp.unwrap_or(largest.saturating_mul(REFERENCE_FACTOR));
-            Reference::render(scene, spp, &args.common)?
-        }
-        (None, Source::Files(_)) => unreachable!("clap asks for a reference"),
-    };
+    drop(outputs.open(&args.output, Kind::Csv, Name::Given)?);
+    let pictures = args.output.with_extension("exr");
+    let pictures = outputs.open(&pictures, Kind::Picture, Name::Default)?;
+    let reference = reference(args, given, &source)?;
     if reference.size != origin.size {
         let [[w, h], [width, height]] = [reference.size, origin.size];
         return Err(Error::Unlike(format!(
@@ -80,14 +73,30 @@ pub(super) fn run(args: &BenchSceneArgs) -> Result<Done, Error> {
     }
     let first_seed = matches!(source, Source::Scene { .. }).then_some(args.seed);
     let example = Row { method: PLAIN.into(), seed: first_seed, ..meter.blank() };
-    let mut table = Table::open(&args.output, &mut outputs, &example)?;
+    let mut table = Table::open(&args.output, &example)?;
     measure(args, &meter, &source, &mut methods, &mut table)?;
     table.add(pictures::rows(&others))?;
     let results = Results::of(table.rows().iter().cloned())?;
-    let picture = (&mut outputs, args.output.with_extension("exr"));
-    let picture = pictures::write(&meter, &source, &mut methods, others, &results, picture)?;
-    let files = vec![args.output.display().to_string(), picture];
-    Ok(Done::whole(Report::of(&results, files)))
+    let files = [&args.output, pictures.path()].map(|path| path.display().to_string());
+    pictures::write(&meter, &source, &mut methods, others, &results, pictures)?;
+    Ok(Done::whole(Report::of(&results, files.into())))
+}
+
+/// The reference that was given, or one that is rendered.
+fn reference(
+    args: &BenchSceneArgs,
+    given: Option<Reference>,
+    source: &Source,
+) -> Result<Reference, Error> {
+    match (given, source) {
+        (Some(reference), _) => Ok(reference),
+        (None, Source::Scene { scene, .. }) => {
+            let largest = args.spp.iter().copied().max().unwrap_or_default();
+            let spp = args.reference_spp.unwrap_or(largest.saturating_mul(REFERENCE_FACTOR));
+            Reference::render(scene, spp, &args.common)
+        }
+        (None, Source::Files(_)) => unreachable!("clap asks for a reference"),
+    }
 }
 
 fn check_seeds(args: &BenchSceneArgs) -> Result<(), Error> {

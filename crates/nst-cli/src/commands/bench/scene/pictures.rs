@@ -1,13 +1,6 @@
 //! Pictures of a bench: those of other programs, and those that it writes for a report.
 
-use std::path::PathBuf;
-
-use nst_files::{
-    ColorModel,
-    output::{Kind, Name, Outputs},
-    picture::Picture,
-    picture_writer::write_exr,
-};
+use nst_files::{ColorModel, output::OutputFile, picture::Picture, picture_writer::write_exr};
 
 use super::{
     measure::{Meter, Methods},
@@ -16,6 +9,7 @@ use super::{
 use crate::{
     args::NamedPicture,
     error::Error,
+    interrupt,
     results::{Metric, PLAIN, Results, Row},
 };
 
@@ -70,16 +64,15 @@ pub(super) fn rows(others: &[Other]) -> Vec<Row> {
 }
 
 /// Writes `x.exr` beside `x.csv`: the reference, and the first run of the best methods as
-/// layers `METHOD.SPP`. Returns its path.
+/// layers `METHOD.SPP`.
 pub(super) fn write(
     meter: &Meter<'_>,
     source: &Source,
     methods: &mut Methods,
     others: Vec<Other>,
     results: &Results,
-    (outputs, path): (&mut Outputs, PathBuf),
-) -> Result<String, Error> {
-    let mut output = outputs.open(&path, Kind::Picture, Name::Default)?;
+    mut output: OutputFile,
+) -> Result<(), Error> {
     let mut layers = vec![(String::new(), meter.reference.mean())];
     let window = methods.window(meter.origin)?;
     let mut counts: Vec<u32> = results.rows().iter().map(|row| row.spp).collect();
@@ -91,6 +84,10 @@ pub(super) fn write(
             continue;
         }
         let run = source.run(spp, 0, window)?;
+        if interrupt::asked() {
+            let why = format!("all rows are measured, but '{}' is not", output.path().display());
+            return Err(Error::Interrupted(why));
+        }
         for name in shown(results) {
             if let Some(lanes) = methods.picture(&name, meter.origin, &run) {
                 layers.push((format!("{name}.{spp}"), lanes));
@@ -101,8 +98,7 @@ pub(super) fn write(
     layers.extend(first.map(|it| (format!("{}.{}", it.row.method, it.row.spp), it.lanes)));
     let layers: Vec<_> = layers.iter().map(|(name, lanes)| (&**name, &**lanes)).collect();
     write_exr(&mut output, meter.origin.size, ColorModel::Rgb, &layers)?;
-    output.commit()?;
-    Ok(path.display().to_string())
+    Ok(output.commit()?)
 }
 
 /// The methods to show: the plain estimate, `auto`, and those with the lowest relMSE,

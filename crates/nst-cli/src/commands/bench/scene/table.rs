@@ -1,9 +1,9 @@
 //! The table that a bench writes. It is on disk after every pair of runs, so that a bench
 //! that is cut off can go on.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use nst_files::output::{Kind, Name, OutputFile, Outputs};
+use nst_files::output::OutputFile;
 
 use crate::{
     error::Error,
@@ -22,9 +22,7 @@ impl Table {
     ///
     /// # Errors
     /// [`Error::Unlike`] if a table of another bench is there.
-    pub(super) fn open(path: &PathBuf, outputs: &mut Outputs, row: &Row) -> Result<Self, Error> {
-        // That it can be written is known before anything is measured.
-        drop(outputs.open(path, Kind::Csv, Name::Given)?);
+    pub(super) fn open(path: &Path, row: &Row) -> Result<Self, Error> {
         let is_there = std::fs::metadata(path).is_ok_and(|file| file.len() > 0);
         let rows = if is_there { read_rows(path) } else { Ok(Vec::new()) };
         let rows = rows.map_err(|error| {
@@ -40,7 +38,7 @@ impl Table {
                 path.display()
             )));
         }
-        Ok(Self { path: path.clone(), rows })
+        Ok(Self { path: path.to_owned(), rows })
     }
 
     pub(super) fn rows(&self) -> &[Row] {
@@ -83,10 +81,7 @@ fn difference(a: &Row, b: &Row) -> Option<&'static str> {
         ("reference", a.reference_mse != b.reference_mse),
         ("--seed", a.seed.is_some() && b.seed.is_some() && seed(a) != seed(b)),
         ("version of nst", a.version != b.version),
-        (
-            "machine, or another number of threads",
-            [&a.machine] != [&b.machine] || a.threads != b.threads,
-        ),
+        ("machine, or another number of threads", a.machine != b.machine || a.threads != b.threads),
     ]
     .into_iter()
     .find_map(|(what, differs)| differs.then_some(what))
