@@ -285,7 +285,7 @@ def verdict(ladder: Ladder) -> str:
         text += f"{best.hidden} is the best, and no smaller one is within noise of it"
     else:
         text += f"{enough.hidden} is the smallest within noise of the best, {best.hidden}"
-        text += " ({:+.3f} ± {:.3f})".format(*ladder.behind(enough))
+        text += " ({:+.4f} ± {:.4f})".format(*ladder.behind(enough))
     if built_in is None:
         return text
     text += f"; the built-in network, {built_in.hidden}, is "
@@ -293,7 +293,7 @@ def verdict(ladder: Ladder) -> str:
         return text + "that one"
     if built_in.parameters > enough.parameters:
         return text + "**larger than it needs to be**"
-    return text + "**smaller than that** ({:+.3f} ± {:.3f} to the best)".format(*ladder.behind(built_in))
+    return text + "**smaller than that** ({:+.4f} ± {:.4f} to the best)".format(*ladder.behind(built_in))
 
 
 def with_blocks(page: str, path: Path, blocks: dict[str, str]) -> str:

@@ -92,8 +92,15 @@ def test_an_interrupted_ladder_ends_with_the_same_scores(
     monkeypatch.setattr(Training, "run_epoch", interrupt)
     assert sizes.main(box) == 130
     assert len(rows_of(tmp_path / "sizes.csv")) == 2 * len(sizes.NS)
-    monkeypatch.setattr(Training, "run_epoch", run_epoch)
+    epochs = []
+
+    def count(training: Training) -> float:
+        epochs.append(training.epoch)
+        return run_epoch(training)
+
+    monkeypatch.setattr(Training, "run_epoch", count)
     assert sizes.main(box) == 0
+    assert epochs == [1]  # the second of the interrupted network, and no other
 
     def scores(table: str) -> list[dict[str, str]]:
         return [{**row, "cpu_seconds": ""} for row in rows_of(tmp_path / table)]
@@ -201,13 +208,13 @@ def test_the_smallest_within_noise_is_enough(page: ModuleType, tmp_path: Path) -
     # Of ten differences ± 0.03 the mean has the standard error 0.03/sqrt(9) = 0.01.
     near, far = row(32, 0.619, noise=0.03), row(32, 0.621, noise=0.03)
     said = verdict(page, tmp_path, best, near, row(16, 0.7))
-    assert "32 is the smallest within noise of the best, 2×64 (+0.019 ± 0.020)" in said
+    assert "32 is the smallest within noise of the best, 2×64 (+0.0190 ± 0.0200)" in said
     assert "the built-in network, 2×64, is **larger than it needs to be**" in said
     said = verdict(page, tmp_path, best, far, row(16, 0.7))
     assert "2×64 is the best, and no smaller one is within noise of it" in said
     assert "the built-in network, 2×64, is that one" in said
     said = verdict(page, tmp_path, row(64, 0.6), row(16, 0.7, built_in="yes"))
-    assert "the built-in network, 2×16, is **smaller than that** (+0.100 ± 0.000 to the best)" in said
+    assert "the built-in network, 2×16, is **smaller than that** (+0.1000 ± 0.0000 to the best)" in said
     assert "2×64, the smallest, is the best" in verdict(page, tmp_path, best, row(128, 0.61))
 
 
@@ -217,7 +224,7 @@ def test_trainings_from_other_seeds_are_part_of_the_noise(page: ModuleType, tmp_
     # Two seeds that differ by 0.01 have the standard deviation 0.01/sqrt(2); two such trainings, 0.01.
     others = [row(32, 0.629, seed=2)]
     assert "2×32 is the smallest within noise" in verdict(page, tmp_path, best, near, *others)
-    assert "(+0.019 ± 0.020)" in verdict(page, tmp_path, best, near, *others)
+    assert "(+0.0190 ± 0.0200)" in verdict(page, tmp_path, best, near, *others)
     others = [row(32, 0.624, seed=2)]
     assert "no smaller one is within noise" in verdict(page, tmp_path, best, near, *others)
 
