@@ -271,7 +271,11 @@ def size_table(networks: list[Network]) -> str:
 
 def verdicts(scenes: dict[str, list[Ladder]]) -> str:
     """What the numbers say of each scene."""
-    return "\n".join(f"- `{scene}`: {'; '.join(map(verdict, each))}." for scene, each in scenes.items())
+    lines = []
+    for scene, each in scenes.items():
+        seeds = "" if each[0].spread else " No other seed was tried."
+        lines.append(f"- `{scene}`: {'; '.join(map(verdict, each))}.{seeds}")
+    return "\n".join(lines)
 
 
 def verdict(ladder: Ladder) -> str:
@@ -286,6 +290,8 @@ def verdict(ladder: Ladder) -> str:
     else:
         text += f"{enough.hidden} is the smallest within noise of the best, {best.hidden}"
         text += " ({:+.4f} ± {:.4f})".format(*ladder.behind(enough))
+    if best is ladder.networks[-1]:
+        text += ", but that is the largest one trained"
     if built_in is None:
         return text
     text += f"; the built-in network, {built_in.hidden}, is "

@@ -211,19 +211,22 @@ def test_the_smallest_within_noise_is_enough(page: ModuleType, tmp_path: Path) -
     assert "32 is the smallest within noise of the best, 2×64 (+0.0190 ± 0.0200)" in said
     assert "the built-in network, 2×64, is **larger than it needs to be**" in said
     said = verdict(page, tmp_path, best, far, row(16, 0.7))
-    assert "2×64 is the best, and no smaller one is within noise of it" in said
+    assert "2×64 is the best, and no smaller one is within noise of it, but that is the largest one" in said
     assert "the built-in network, 2×64, is that one" in said
     said = verdict(page, tmp_path, row(64, 0.6), row(16, 0.7, built_in="yes"))
     assert "the built-in network, 2×16, is **smaller than that** (+0.1000 ± 0.0000 to the best)" in said
-    assert "2×64, the smallest, is the best" in verdict(page, tmp_path, best, row(128, 0.61))
+    said = verdict(page, tmp_path, best, row(128, 0.61))
+    assert "2×64, the smallest, is the best" in said and "largest one" not in said
 
 
 def test_trainings_from_other_seeds_are_part_of_the_noise(page: ModuleType, tmp_path: Path) -> None:
     best, near = row(64, 0.6, built_in="yes"), row(32, 0.619)
-    assert "no smaller one is within noise" in verdict(page, tmp_path, best, near)
+    said = verdict(page, tmp_path, best, near)
+    assert "no smaller one is within noise" in said and said.endswith(". No other seed was tried.")
     # Two seeds that differ by 0.01 have the standard deviation 0.01/sqrt(2); two such trainings, 0.01.
     others = [row(32, 0.629, seed=2)]
-    assert "2×32 is the smallest within noise" in verdict(page, tmp_path, best, near, *others)
+    said = verdict(page, tmp_path, best, near, *others)
+    assert "2×32 is the smallest within noise" in said and "No other seed" not in said
     assert "(+0.0190 ± 0.0200)" in verdict(page, tmp_path, best, near, *others)
     others = [row(32, 0.624, seed=2)]
     assert "no smaller one is within noise" in verdict(page, tmp_path, best, near, *others)
