@@ -1,7 +1,7 @@
 """Error against the size of the network: trains a ladder of sizes for each of the paper's scenes, in the
 small setting of its config, with the same data and the same seed.
 
-    python -m nst_train.sizes --out runs/sizes                     # all sizes of all scenes: a day
+    python -m nst_train.sizes --out runs/sizes                     # all sizes of all scenes: about 5 hours
     python -m nst_train.sizes plane-ggx --out runs/sizes --hidden 16x2 32x2
     python -m nst_train.sizes --out runs/sizes --epochs 10         # at most so many epochs
     python -m nst_train.sizes --out runs/sizes --hidden 16x2 --seed 2    # how much the seed matters
