@@ -83,6 +83,14 @@ def network_scores(config: Config, model: Mlp, data: Data, ns: Iterable[int]) ->
     return scores
 
 
+def run_errors(model: Mlp, sequences: Sequences, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """MSE of S_n and of T_n in each run, mean over integrands, `[run]`, in f64."""
+    reference = sequences.reference.double()[:, None]
+    s, t = sequences.estimates[:, :, n - 1], transformed(model, sequences, n)
+    by_run = [(x.double() - reference).square().mean(dim=0).numpy() for x in (s, t)]
+    return by_run[0], by_run[1]
+
+
 def transformed(model: Mlp, sequences: Sequences, n: int) -> Tensor:
     """T_n, `[integrand, run]`, on the CPU."""
     device = next(model.parameters()).device

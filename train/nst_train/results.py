@@ -20,13 +20,18 @@ def reported_n(config: configs.Config, data: Data) -> list[int]:
 
 def finished(config: configs.Config, model: Mlp, data: Data) -> tuple[Mlp, torch.dtype, list[Score]]:
     """The network as it is stored, and its scores."""
+    stored, dtype = rounded(config, model, data)
+    return stored, dtype, evaluation.evaluate(config, stored, data)
+
+
+def rounded(config: configs.Config, model: Mlp, data: Data) -> tuple[Mlp, torch.dtype]:
+    """The network as it is stored: its weights rounded to f16, if that costs little."""
     half = weights.rounded(model, torch.float16)
     ns = reported_n(config, data)
     full_scores = evaluation.network_scores(config, model, data, ns)
     half_scores = evaluation.network_scores(config, half, data, ns)
     dtype = torch.float16 if loses_little(full_scores, half_scores) else torch.float32
-    stored = half if dtype == torch.float16 else model
-    return stored, dtype, evaluation.evaluate(config, stored, data)
+    return half if dtype == torch.float16 else model, dtype
 
 
 def loses_little(full: list[Score], half: list[Score]) -> bool:

@@ -5,6 +5,7 @@ import json
 import platform
 import subprocess
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import torch
@@ -68,18 +69,24 @@ def load_data(config: configs.Config, out: Path) -> Data:
     return renders.make_data(config.data, cache=out / "renders")
 
 
-def train(out: Path, training: Training, data: Data, seconds_at: list[float]) -> None:
-    """Trains to the last epoch; `seconds_at` has the seconds of training up to the end of each epoch
-    in all sittings, and is added to."""
+def train(
+    out: Path,
+    training: Training,
+    data: Data,
+    seconds_at: list[float],
+    clock: Callable[[], float] = time.perf_counter,
+) -> None:
+    """Trains to the last epoch; `seconds_at` has the seconds of training, by this clock, up to the end
+    of each epoch in all sittings, and is added to."""
     config = training.config
     seconds = seconds_at[-1] if seconds_at else 0.0
     last_saved = time.perf_counter()
     log = SummaryWriter(out / "tensorboard", purge_step=training.epoch + 1)
     with Progress(config.epochs, training.epoch) as progress:
         while training.epoch < config.epochs:
-            start = time.perf_counter()
+            start = clock()
             loss = training.run_epoch()
-            seconds += time.perf_counter() - start
+            seconds += clock() - start
             seconds_at.append(seconds)
             epoch = training.epoch
             log.add_scalar("loss", loss, epoch)
