@@ -20,7 +20,7 @@ use std::{
     time::{Duration, Instant, SystemTime},
 };
 
-use common::{Bench, cornell};
+use common::{Bench, cornell, heed_signals};
 use nst_core::random::SplitMix64;
 use nst_files::{picture::Picture, sequence_file::SequenceFile};
 
@@ -267,6 +267,7 @@ impl Stage {
         let limit = most.map_or_else(String::new, |most| format!("ulimit -f {most};"));
         // Without the trap, the signal would kill the process.
         let script = format!("trap '' XFSZ; {limit} exec {} {args}", env!("CARGO_BIN_EXE_nst"));
+        heed_signals();
         let mut shell = Command::new("sh");
         shell.args(["-c", &script]).current_dir(self.bench.path(""));
         shell.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("sh runs")

@@ -11,7 +11,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use common::{Bench, cornell, read_layer};
+use common::{Bench, cornell, heed_signals, read_layer};
 use nst_core::random::SplitMix64;
 use nst_files::sequence_file::SequenceFile;
 use safetensors::SafeTensors;
@@ -65,6 +65,7 @@ fn a_resumed_rendering_is_the_uninterrupted_one() {
 
 /// Starts `nst` and waits until it has begun to render.
 fn start(bench: &Bench, args: &str) -> Child {
+    heed_signals();
     let mut child = Command::new(env!("CARGO_BIN_EXE_nst"))
         .args(args.split_whitespace())
         .current_dir(bench.path(""))
@@ -147,6 +148,7 @@ fn other_jobs_end_at_the_first_signal() {
     let scene = format!("render --scene {} --backend cpu --quiet --transform none", cornell());
     bench.succeed(&format!("{scene} --spp 8 --size 600x600 --sequence seq.exr -o x.exr"));
     let args = "transform seq.exr --transform ridge --backend cpu -o y.exr";
+    heed_signals();
     let mut child = Command::new(env!("CARGO_BIN_EXE_nst"))
         .args(args.split_whitespace())
         .current_dir(bench.path(""))

@@ -11,6 +11,18 @@ use std::{
 use nst_files::picture::Picture;
 use tempfile::TempDir;
 
+/// Programs that a test starts from now on end at Ctrl-C and SIGHUP, as programs do. Without
+/// it, they ignore both where the tests themselves run under `nohup` or behind `&`.
+#[cfg(unix)]
+#[allow(dead_code, reason = "only some tests send signals")]
+pub(crate) fn heed_signals() {
+    for signal in [libc::SIGINT, libc::SIGHUP, libc::SIGTERM] {
+        #[allow(unsafe_code, reason = "there is no safe way to set it")]
+        // SAFETY: no handler is installed that could be interrupted, or interrupt.
+        let _ = unsafe { libc::signal(signal, libc::SIG_DFL) };
+    }
+}
+
 /// By name: whether it is a link, when it was written, and the content.
 pub(crate) type Snapshot = BTreeMap<OsString, (bool, SystemTime, Vec<u8>)>;
 
