@@ -133,7 +133,7 @@ def test_packed_estimates(nst: Nst, tmp_path: Path) -> None:
         written[count] = {c: random.random((HEIGHT, WIDTH), np.float32) for c in "RGB"}
         write_openexr(tmp_path / name, written[count])
     said = nst("pack", *sorted(names.values()), "--as", "estimates", "-o", "seq.exr")
-    assert "1, 4, 16 per pixel (the files' names)" in said
+    assert "of 1, 4, 16 samples per pixel (the files' names)" in said
     channels, header = read_by_all(tmp_path / "seq.exr")
     assert header["nst.terms"] == "1,4,16"
     layers = ("", "S0001.", "S0004.", "S0016.")
