@@ -162,10 +162,15 @@ def crop_alone(scene: bpy.types.Scene) -> None:
     plain(scene)
 
 
-def stereo(scene: bpy.types.Scene) -> None:
-    multilayer(scene)
+def both_eyes(scene: bpy.types.Scene) -> None:
+    """In one file."""
     scene.render.use_multiview = True
     scene.render.image_settings.views_format = "MULTIVIEW"
+
+
+def stereo(scene: bpy.types.Scene) -> None:
+    multilayer(scene)
+    both_eyes(scene)
 
 
 def stereo_interleaved(scene: bpy.types.Scene) -> None:
@@ -175,8 +180,7 @@ def stereo_interleaved(scene: bpy.types.Scene) -> None:
 
 def stereo_alone(scene: bpy.types.Scene) -> None:
     plain(scene)
-    scene.render.use_multiview = True
-    scene.render.image_settings.views_format = "MULTIVIEW"
+    both_eyes(scene)
 
 
 def stereo_files(scene: bpy.types.Scene) -> None:

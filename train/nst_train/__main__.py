@@ -8,7 +8,7 @@ import torch
 
 from nst_train import config as configs
 from nst_train import runs
-from nst_train.errors import UserError
+from nst_train.errors import UserError, exit_code
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -27,7 +27,8 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--device", choices=["auto", "cpu", "cuda"], default="auto", help="[default: auto]")
     arguments = parser.parse_args(argv)
     setting = "small" if arguments.small else "paper"
-    try:
+
+    def work() -> None:
         device = choose_device(arguments.device)
         chosen = [configs.load(path, setting) for path in arguments.config]
         several = len(chosen) > 1
@@ -36,13 +37,8 @@ def main(argv: list[str] | None = None) -> int:
             raise UserError("two of the configs have the same name")
         for config in chosen:
             runs.run(config, arguments.out / config.name if several else arguments.out, device)
-    except (UserError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print("interrupted; the same command continues from the last checkpoint", file=sys.stderr)
-        return 130
-    return 0
+
+    return exit_code(work)
 
 
 def choose_device(wanted: str) -> str:

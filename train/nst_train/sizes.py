@@ -25,7 +25,7 @@ import torch
 
 from nst_train import checkpoint, evaluation, renders, results, runs, weights
 from nst_train import config as configs
-from nst_train.errors import UserError
+from nst_train.errors import UserError, exit_code
 from nst_train.metrics import read_csv
 from nst_train.model import Mlp
 from nst_train.paper_figures import PLANES, SCENES
@@ -218,16 +218,12 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--weights", type=Path, default=WEIGHTS, help="[default: crates/nst-core/weights]")
     a = parser.parse_args(argv)
     torch.set_num_threads(a.threads)
-    try:
+
+    def work() -> None:
         for name in a.scenes or everything:
             climb(name, a)
-    except (UserError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print("interrupted; the same command continues from the last checkpoint", file=sys.stderr)
-        return 130
-    return 0
+
+    return exit_code(work)
 
 
 if __name__ == "__main__":

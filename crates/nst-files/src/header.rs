@@ -330,6 +330,25 @@ fn part(header: &RawHeader) -> Part {
 }
 
 #[cfg(test)]
+impl Part {
+    /// A part without channels and attributes, for tests.
+    pub(crate) fn of_one_pixel() -> Self {
+        Self {
+            name: None,
+            view: None,
+            size: [1, 1],
+            position: [0, 0],
+            display: Window { position: [0, 0], size: [1, 1] },
+            chromaticities: None,
+            storage: String::new(),
+            deep: false,
+            channels: Vec::new(),
+            attributes: BTreeMap::new(),
+        }
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
@@ -338,15 +357,8 @@ mod tests {
             |name: &&str| Channel { name: (*name).to_owned(), kind: "f32", full_resolution: true };
         let part = |&(name, channels): &(Option<&str>, &[&str])| Part {
             name: name.map(str::to_owned),
-            view: None,
-            size: [1, 1],
-            position: [0, 0],
-            display: Window { position: [0, 0], size: [1, 1] },
-            chromaticities: None,
-            storage: String::new(),
-            deep: false,
             channels: channels.iter().map(channel).collect(),
-            attributes: BTreeMap::new(),
+            ..Part::of_one_pixel()
         };
         ExrHeader { parts: parts.iter().map(part).collect() }
     }

@@ -453,18 +453,7 @@ mod tests {
     #[test]
     fn samples_per_pixel_in_any_type() {
         let of = |text: &str, layer: &str| {
-            let part = |attributes| Part {
-                name: None,
-                view: None,
-                size: [1, 1],
-                position: [0, 0],
-                display: Window { position: [0, 0], size: [1, 1] },
-                chromaticities: None,
-                storage: String::new(),
-                deep: false,
-                channels: Vec::new(),
-                attributes,
-            };
+            let part = |attributes| Part { attributes, ..Part::of_one_pixel() };
             let blender = ("cycles.View.samples".to_owned(), "32".to_owned());
             let own = ("samplesPerPixel".to_owned(), text.to_owned());
             let own = if text.is_empty() { None } else { Some(own) };

@@ -3,7 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::select::{Styles, display_name};
-use crate::results::{Curve, Curves, Metric, Results, Row};
+use crate::{
+    results::{Curve, Curves, Metric, Results, Row},
+    words::counted,
+};
 
 /// The most reasons of failure that are listed.
 const MOST_FAILURES: usize = 12;
@@ -16,17 +19,14 @@ pub(super) fn subtitle(results: &Results) -> String {
         results.summaries().iter().map(|it| it.runs).filter(|it| *it > 0).collect();
     if let (Some(least), Some(most)) = (runs.iter().min(), runs.iter().max()) {
         let few = if least == most { String::new() } else { format!("{least} to ") };
-        let noun = if *most == 1 { "run" } else { "runs" };
-        parts.push(format!("{few}{most} {noun} per point"));
+        parts.push(format!("{few}{} per point", counted(*most, "run")));
     }
     let known = |values: Vec<&str>| {
         let known: Vec<_> = values.into_iter().filter(|value| !value.is_empty()).collect();
         (!known.is_empty()).then(|| known.join("; "))
     };
     parts.extend(known(results.distinct(|row| &row.machine)));
-    let mut threads: Vec<u32> = results.rows().iter().filter_map(|row| row.threads).collect();
-    threads.sort_unstable();
-    threads.dedup();
+    let threads = results.threads();
     if !threads.is_empty() {
         let noun = if threads == [1] { "thread" } else { "threads" };
         let threads: Vec<_> = threads.iter().map(u32::to_string).collect();

@@ -2,9 +2,17 @@
 
 use std::path::Path;
 
+use nst_core::{SequenceBatch, Side};
 use nst_files::output::{Kind, Name, OutputFile, Outputs, commit};
 
 use crate::{args::has_extension, error::Error};
+
+/// The layers of a picture: estimates, the plain ones, and the variance of these.
+pub(super) fn layers<'a>(batch: &'a SequenceBatch, values: &'a [f32]) -> Vec<(&'a str, &'a [f32])> {
+    let mut layers = vec![("", values), ("S", batch.last())];
+    layers.extend(batch.side(&Side::Variance).map(|variance| ("Variance", variance)));
+    layers
+}
 
 /// Where a picture goes. All of it is there at the end, or nothing.
 pub(super) struct PictureFiles {

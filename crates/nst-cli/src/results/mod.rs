@@ -11,6 +11,7 @@
 mod advice;
 mod curves;
 mod metric;
+mod pictures;
 mod read;
 mod row;
 mod statistics;
@@ -20,6 +21,9 @@ pub(crate) mod text;
 pub(crate) use advice::{advice, budgets};
 pub(crate) use curves::{Curve, Curves, Point};
 pub(crate) use metric::Metric;
+#[cfg(feature = "render")]
+pub(crate) use pictures::layer_of;
+pub(crate) use pictures::{beside, method_of};
 pub(crate) use read::Results;
 #[cfg(feature = "render")]
 pub(crate) use read::read_rows;

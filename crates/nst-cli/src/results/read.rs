@@ -113,6 +113,16 @@ impl Results {
         self.rows.iter().map(field).filter(|value| seen.insert(*value)).collect()
     }
 
+    /// All sample counts, from the smallest.
+    pub(crate) fn sample_counts(&self) -> Vec<u32> {
+        ascending(self.rows.iter().map(|row| row.spp))
+    }
+
+    /// All numbers of threads, from the smallest.
+    pub(crate) fn threads(&self) -> Vec<u32> {
+        ascending(self.rows.iter().filter_map(|row| row.threads))
+    }
+
     /// One for each method and sample count.
     pub(crate) fn summaries(&self) -> Vec<Summary> {
         Summary::all(&self.rows)
@@ -122,6 +132,11 @@ impl Results {
     pub(crate) fn curves(&self, metric: Metric) -> Curves {
         Curves::of(&self.summaries(), metric)
     }
+}
+
+/// Each number once, from the smallest.
+fn ascending(numbers: impl Iterator<Item = u32>) -> Vec<u32> {
+    numbers.collect::<BTreeSet<_>>().into_iter().collect()
 }
 
 /// Reads all rows of a table: at least one.

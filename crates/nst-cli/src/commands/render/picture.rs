@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nst_core::{Estimates, SequenceBatch, Side};
+use nst_core::{Estimates, SequenceBatch};
 use nst_files::{
     ColorModel,
     output::{Kind, Name, OutputFile, Outputs},
@@ -21,7 +21,7 @@ use super::{
 use crate::{
     adapter::caught,
     args::{KeepArg, RenderArgs},
-    commands::picture_files::PictureFiles,
+    commands::picture_files::{PictureFiles, layers},
     error::Error,
     interrupt,
     method::{Method, Origin},
@@ -246,8 +246,7 @@ fn write(
     batch: &SequenceBatch,
     values: &[f32],
 ) -> Result<Vec<String>, Error> {
-    let mut layers = vec![("", values), ("S", batch.last())];
-    layers.extend(batch.side(&Side::Variance).map(|variance| ("Variance", variance)));
+    let layers = layers(batch, values);
     let PictureFiles { exr, png } = &mut files;
     let (exr_written, png_written) = rayon::join(
         || exr.as_mut().map_or(Ok(()), |exr| write_exr(exr, size, ColorModel::Rgb, &layers)),

@@ -18,7 +18,7 @@ use crate::{
     args::ReportArgs,
     chart::Chart,
     error::Error,
-    results::{Metric, Results, advice},
+    results::{Metric, Results, advice, beside},
 };
 
 use comparer::{Comparer, Stored};
@@ -62,7 +62,7 @@ pub(super) struct Report {
 }
 
 pub(super) fn run(args: &ReportArgs) -> Result<Report, Error> {
-    let exr = sources::beside(&args.table);
+    let exr = beside(&args.table);
     let others = args.picture.iter().map(|picture| &picture.file);
     let mut outputs = Outputs::of_inputs([&args.table, &exr].into_iter().chain(others));
     let (path, name) = match &args.output {

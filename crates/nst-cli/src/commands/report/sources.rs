@@ -1,13 +1,13 @@
 //! Which pictures there are, and which of them matter most.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nst_files::{header::ExrHeader, picture::Picture};
 
 use crate::{
     args::NamedPicture,
     error::Error,
-    results::{PLAIN, Results},
+    results::{PLAIN, Results, method_of},
 };
 
 use super::table::Table;
@@ -23,11 +23,6 @@ pub(super) struct Source {
     pub(super) spp: Option<u32>,
     /// Less is more useful.
     rank: u32,
-}
-
-/// Where `nst bench scene` puts the pictures of a table.
-pub(super) fn beside(table: &Path) -> PathBuf {
-    table.with_extension("exr")
 }
 
 /// The reference and all pictures, the most useful first. The reference is the main picture of
@@ -59,7 +54,7 @@ pub(super) fn sources(
     }
     for layer in layers.into_iter().filter(|layer| !layer.name.is_empty()) {
         let picture = open(file, Some(&layer.name), results)?;
-        sources.push(match of_method(&layer.name, &methods) {
+        sources.push(match method_of(&layer.name, &methods) {
             Some((method, samples)) => Source {
                 picture,
                 name: if method == PLAIN { "none (plain)".into() } else { method.to_owned() },
@@ -87,9 +82,7 @@ pub(super) fn without_picture(sources: &[Source], results: &Results) -> Vec<Stri
 
 /// The sample count that is shown first: the one in the middle.
 pub(super) fn usual_spp(results: &Results) -> u32 {
-    let mut counts: Vec<u32> = results.rows().iter().map(|row| row.spp).collect();
-    counts.sort_unstable();
-    counts.dedup();
+    let counts = results.sample_counts();
     counts[counts.len() / 2]
 }
 
@@ -105,12 +98,6 @@ impl Source {
             None => self.name.clone(),
         }
     }
-}
-
-/// A method of the table and a sample count, if the name of a layer consists of them.
-fn of_method<'a>(layer: &'a str, methods: &[&str]) -> Option<(&'a str, u32)> {
-    let (method, spp) = layer.rsplit_once('.')?;
-    Some((method, spp.parse().ok()?)).filter(|(method, _)| methods.contains(method))
 }
 
 /// How soon a picture is left out if there is no room for all: plain estimates, `auto` and
@@ -144,22 +131,6 @@ fn open(file: &Path, layer: Option<&str>, results: &Results) -> Result<Picture, 
 mod tests {
     use super::*;
     use crate::results::Row;
-
-    #[test]
-    fn layers_of_methods_are_known() {
-        let methods = ["none", "a.b", "8"];
-        for (layer, expected) in [
-            ("none.64", Some(("none", 64))),
-            ("a.b.8", Some(("a.b", 8))),
-            ("8.8", Some(("8", 8))),
-            ("other.64", None),
-            ("none.x", None),
-            ("none", None),
-            ("", None),
-        ] {
-            assert_eq!(of_method(layer, &methods), expected, "{layer}");
-        }
-    }
 
     #[test]
     fn what_matters_most_comes_first() {

@@ -6,7 +6,10 @@ use nst_core::metrics::Metric as Formula;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::results::{Metric, PLAIN, Results, SCHEMA, Summary, text::number};
+use crate::{
+    results::{Metric, PLAIN, Results, SCHEMA, Summary, text::number},
+    words::counted,
+};
 
 /// A column of the table.
 #[derive(Serialize)]
@@ -224,11 +227,10 @@ pub(super) fn headline(results: &Results, summaries: &[Summary]) -> String {
         (Some(least), Some(most)) if least < most => format!("{least} to {most}"),
         (least, _) => least.unwrap_or_default().to_string(),
     };
-    let plural = |count: usize| if count == 1 { "" } else { "s" };
     format!(
-        "{width} × {height} pixels, {counts} samples per pixel, {runs} run{}, {methods} method{}",
-        plural(runs),
-        plural(methods)
+        "{width} × {height} pixels, {counts} samples per pixel, {}, {}",
+        counted(runs, "run"),
+        counted(methods, "method")
     )
 }
 
@@ -239,10 +241,7 @@ pub(super) fn facts(results: &Results, table: &str) -> Vec<(&'static str, String
         let names: Vec<_> = names.into_iter().filter(|name| !name.is_empty()).collect();
         if names.is_empty() { "–".to_owned() } else { names.join(", ") }
     };
-    let mut threads: Vec<u32> = rows.iter().filter_map(|row| row.threads).collect();
-    threads.sort_unstable();
-    threads.dedup();
-    let threads: Vec<String> = threads.iter().map(u32::to_string).collect();
+    let threads: Vec<String> = results.threads().iter().map(u32::to_string).collect();
     let own = rows.iter().find_map(|row| row.reference_mse);
     let own = own.map_or("–".to_owned(), |mse| {
         format!("{}, its own MSE: mean errors below it are not told apart", number(mse, 2))

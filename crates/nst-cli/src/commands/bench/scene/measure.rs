@@ -15,6 +15,7 @@ use super::{
 use crate::{
     adapter::caught,
     args::{BackendArg, TransformArg},
+    commands::picture_files::layers,
     error::Error,
     method::{self, DEFAULT_WINDOW, Method},
     results::{PLAIN, Row, SCHEMA},
@@ -252,13 +253,11 @@ impl Meter<'_> {
         row.adapter.clone_from(adapter);
     }
 
-    /// Writes a picture as `nst render` does, to measure the time, and drops it.
+    /// Writes an EXR picture as `nst render` does, to measure the time, and drops it.
     fn write_and_drop(&self, run: &Run) -> Result<Duration, Error> {
         let begin = Instant::now();
         let mut exr = OutputFile::create(&std::env::temp_dir().join("nst-bench.exr"))?;
-        let last = run.batch.last();
-        let mut layers = vec![("", last), ("S", last)];
-        layers.extend(run.batch.side(&Side::Variance).map(|variance| ("Variance", variance)));
+        let layers = layers(&run.batch, run.batch.last());
         write_exr(&mut exr, self.origin.size, ColorModel::Rgb, &layers)?;
         Ok(begin.elapsed())
     }

@@ -18,7 +18,7 @@ use crate::{
     interrupt,
     progress::Progress,
     report::Done,
-    results::{PLAIN, Results, Row},
+    results::{PLAIN, Results, Row, beside},
     words::counted,
 };
 use measure::{Meter, Methods};
@@ -50,8 +50,7 @@ pub(super) fn run(args: &BenchSceneArgs) -> Result<Done, Error> {
     // Before minutes are spent: the table is stored many times, the pictures once.
     let mut outputs = Outputs::of_inputs(&inputs);
     drop(outputs.open(&args.output, Kind::Csv, Name::Given)?);
-    let pictures = args.output.with_extension("exr");
-    let pictures = outputs.open(&pictures, Kind::Picture, Name::Default)?;
+    let pictures = outputs.open(&beside(&args.output), Kind::Picture, Name::Default)?;
     let reference = reference(args, given, &source)?;
     if reference.size != origin.size {
         let [[w, h], [width, height]] = [reference.size, origin.size];

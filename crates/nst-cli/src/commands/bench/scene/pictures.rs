@@ -10,7 +10,7 @@ use crate::{
     args::NamedPicture,
     error::Error,
     interrupt,
-    results::{Metric, PLAIN, Results, Row},
+    results::{Metric, PLAIN, Results, Row, layer_of},
 };
 
 /// The most methods that a report's pictures show, beside the plain estimate and `auto`.
@@ -75,12 +75,10 @@ pub(super) fn write(
 ) -> Result<(), Error> {
     let mut layers = vec![(String::new(), meter.reference.mean())];
     let window = methods.window(meter.origin)?;
-    let mut counts: Vec<u32> = results.rows().iter().map(|row| row.spp).collect();
-    counts.sort_unstable();
-    counts.dedup();
-    for spp in counts {
-        let of_source = |row: &&Row| row.spp == spp && methods.names().any(|it| it == row.method);
-        if results.rows().iter().filter(of_source).count() == 0 {
+    let names = shown(results);
+    for spp in results.sample_counts() {
+        let of_source = |row: &Row| row.spp == spp && methods.names().any(|it| it == row.method);
+        if !results.rows().iter().any(of_source) {
             continue;
         }
         let run = source.run(spp, 0, window)?;
@@ -88,14 +86,14 @@ pub(super) fn write(
             let why = format!("all rows are measured, but '{}' is not", output.path().display());
             return Err(Error::Interrupted(why));
         }
-        for name in shown(results) {
-            if let Some(lanes) = methods.picture(&name, meter.origin, &run) {
-                layers.push((format!("{name}.{spp}"), lanes));
+        for name in &names {
+            if let Some(lanes) = methods.picture(name, meter.origin, &run) {
+                layers.push((layer_of(name, spp), lanes));
             }
         }
     }
     let first = others.into_iter().filter(|other| other.row.run == 0);
-    layers.extend(first.map(|it| (format!("{}.{}", it.row.method, it.row.spp), it.lanes)));
+    layers.extend(first.map(|it| (layer_of(&it.row.method, it.row.spp), it.lanes)));
     let layers: Vec<_> = layers.iter().map(|(name, lanes)| (&**name, &**lanes)).collect();
     write_exr(&mut output, meter.origin.size, ColorModel::Rgb, &layers)?;
     Ok(output.commit()?)
