@@ -70,8 +70,6 @@ impl Chart {
         }
         let styles = Styles::choose(&all);
         let mut canvas = Canvas::new(WIDTH);
-        // The height of the paper comes last.
-        canvas.rectangle("paper", [0.0, WIDTH], [0.0, 0.0], Ink::Paper);
         let title = format!("{}: error against time and samples", results.scene());
         let mut sentences: Vec<_> =
             all.iter().map(|curves| advice(results, curves.metric)).collect();
@@ -86,9 +84,9 @@ impl Chart {
             y += 4.0;
         }
         canvas.size[1] = (y + BORDER - 10.0).ceil();
-        let mut paper = Canvas::new(WIDTH);
-        paper.rectangle("paper", [0.0, WIDTH], [0.0, canvas.size[1]], Ink::Paper);
-        canvas.shapes[0] = paper.shapes.remove(0);
+        // The paper, whose height is known only now, is below all that is drawn on it.
+        canvas.rectangle("paper", [0.0, WIDTH], [0.0, canvas.size[1]], Ink::Paper);
+        canvas.shapes.rotate_right(1);
         let svg = svg::write(&canvas, &title, &sentences.join(" "));
         Self { svg, marks: canvas.marks.clone(), canvas }
     }

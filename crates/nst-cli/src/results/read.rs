@@ -23,6 +23,7 @@ const TEXTS: [&str; 7] =
 #[derive(Clone, Debug)]
 pub(crate) struct Results {
     rows: Vec<Row>,
+    summaries: Vec<Summary>,
 }
 
 impl Results {
@@ -90,7 +91,7 @@ impl Results {
                 }
             }
         }
-        Ok(Self { rows: kept })
+        Ok(Self { summaries: Summary::all(&kept), rows: kept })
     }
 
     pub(crate) fn rows(&self) -> &[Row] {
@@ -124,13 +125,20 @@ impl Results {
     }
 
     /// One for each method and sample count.
-    pub(crate) fn summaries(&self) -> Vec<Summary> {
-        Summary::all(&self.rows)
+    pub(crate) fn summaries(&self) -> &[Summary] {
+        &self.summaries
+    }
+
+    /// The mean error of a method at a sample count, if it was measured.
+    #[cfg(feature = "render")]
+    pub(crate) fn error(&self, method: &str, spp: u32, metric: Metric) -> Option<f64> {
+        let it = self.summaries.iter().find(|it| it.method == method && it.spp == spp)?;
+        Some(it.error(metric)?.mean)
     }
 
     /// Errors against time, by one metric.
     pub(crate) fn curves(&self, metric: Metric) -> Curves {
-        Curves::of(&self.summaries(), metric)
+        Curves::of(&self.summaries, metric)
     }
 }
 

@@ -171,10 +171,9 @@ fn factor(width: usize, height: usize) -> usize {
 /// picture.
 fn best_method(results: &Results, spp: Option<u32>, has: impl Fn(&str) -> bool) -> Option<String> {
     let summaries = results.summaries();
-    let candidates = summaries
-        .into_iter()
-        .filter(|it| Some(it.spp) == spp && it.method != PLAIN && has(&it.method));
-    let errors = candidates.filter_map(|it| Some((it.error(Metric::Mse)?.mean, it.method)));
+    let candidates =
+        summaries.iter().filter(|it| Some(it.spp) == spp && it.method != PLAIN && has(&it.method));
+    let errors = candidates.filter_map(|it| Some((it.error(Metric::Mse)?.mean, it.method.clone())));
     errors.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, method)| method)
 }
 

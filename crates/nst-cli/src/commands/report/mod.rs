@@ -72,15 +72,15 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report, Error> {
     let output = outputs.open(&path, Kind::Html, name)?;
     let results = Results::read(std::slice::from_ref(&args.table), args.scene.as_deref())?;
     let summaries = results.summaries();
-    let table = Table::new(&results, &summaries);
+    let table = Table::new(&results, summaries);
     let mut data = Data {
         scene: results.scene(),
-        headline: table::headline(&results, &summaries),
+        headline: table::headline(&results, summaries),
         advice: advice(&results, Metric::Mse),
         charts: figures(&results),
         columns: &COLUMNS,
         rows: table.lines(),
-        failures: table::failures(&summaries),
+        failures: table::failures(summaries),
         facts: table::facts(&results, &file_name(&args.table)),
         comparer: None,
         no_pictures: None,

@@ -151,7 +151,7 @@ mod tests {
         let results = Results::of(rows).expect("rows that fit together");
         assert_eq!(usual_spp(&results), 64);
         let summaries = results.summaries();
-        let table = Table::new(&results, &summaries);
+        let table = Table::new(&results, summaries);
         let ranks = |usual| ["none", "auto", "good", "bad"].map(|it| rank(it, usual, &table));
         assert_eq!((ranks(true), ranks(false)), ([1, 2, 3, 6], [4, 5, 6, 9]));
     }

@@ -296,7 +296,7 @@ mod tests {
     fn rows_have_a_cell_for_each_column() {
         let results = results();
         let summaries = results.summaries();
-        let table = Table::new(&results, &summaries);
+        let table = Table::new(&results, summaries);
         let lines = table.lines();
         assert!(lines.iter().all(|line| line.cells.len() == COLUMNS.len()));
         let ratios: Vec<_> = (0..5).map(|row| cell(&lines, row, "÷ plain")).collect();
@@ -311,7 +311,7 @@ mod tests {
     fn the_lowest_errors_of_as_many_samples_are_marked() {
         let results = results();
         let summaries = results.summaries();
-        let lines = Table::new(&results, &summaries).lines();
+        let lines = Table::new(&results, summaries).lines();
         let marked: Vec<Vec<&str>> = lines
             .iter()
             .map(|line| line.best.iter().map(|&column| COLUMNS[column].label).collect())
@@ -326,8 +326,8 @@ mod tests {
     fn words() {
         let results = results();
         let summaries = results.summaries();
-        assert_eq!(failures(&summaries), ["b at 8 spp: it has <b>"]);
-        let headline = headline(&results, &summaries);
+        assert_eq!(failures(summaries), ["b at 8 spp: it has <b>"]);
+        let headline = headline(&results, summaries);
         assert_eq!(headline, "4 × 2 pixels, 8 to 16 samples per pixel, 1 run, 3 methods");
         let facts = facts(&results, "x.csv");
         assert!(facts.contains(&("Table", format!("x.csv, version {SCHEMA}"))), "{facts:?}");

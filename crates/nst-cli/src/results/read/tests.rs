@@ -133,7 +133,8 @@ fn tables_are_joined() {
 fn large_tables() -> Result<(), Error> {
     let rows: Vec<Row> = (0..100_000).map(|run| row("a", "none", run, f64::from(run))).collect();
     let (_folder, path) = stored(text(&rows));
-    let summaries = Results::read(&[path], None)?.summaries();
+    let results = Results::read(&[path], None)?;
+    let summaries = results.summaries();
     let mean = summaries[0].error(Metric::Mse).map(|mse| mse.mean);
     assert_eq!((summaries[0].runs, mean), (100_000, Some(49_999.5)));
     Ok(())

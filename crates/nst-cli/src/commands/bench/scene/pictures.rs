@@ -10,7 +10,7 @@ use crate::{
     args::NamedPicture,
     error::Error,
     interrupt,
-    results::{Metric, PLAIN, Results, Row, layer_of},
+    results::{Metric, PLAIN, Results, Row, Summary, layer_of},
 };
 
 /// The most methods that a report's pictures show, beside the plain estimate and `auto`.
@@ -102,15 +102,15 @@ pub(super) fn write(
 /// The methods to show: the plain estimate, `auto`, and those with the lowest relMSE,
 /// relative to the plain one, at some sample count.
 fn shown(results: &Results) -> Vec<String> {
-    let summaries = results.summaries();
-    let error = |method: &str, spp: u32| {
-        let it = summaries.iter().find(|it| it.method == method && it.spp == spp)?;
-        Some(it.error(Metric::RelMse)?.mean)
+    let ratio = |it: &Summary| {
+        let plain = results.error(PLAIN, it.spp, Metric::RelMse)?;
+        Some(it.error(Metric::RelMse)?.mean / plain)
     };
-    let mut ranked: Vec<(f64, &str)> = summaries
+    let mut ranked: Vec<(f64, &str)> = results
+        .summaries()
         .iter()
         .filter(|it| it.method != PLAIN && it.method != "auto")
-        .filter_map(|it| Some((error(&it.method, it.spp)? / error(PLAIN, it.spp)?, &*it.method)))
+        .filter_map(|it| Some((ratio(it)?, &*it.method)))
         .collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut names = vec![PLAIN.to_owned(), "auto".to_owned()];

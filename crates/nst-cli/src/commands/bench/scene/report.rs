@@ -51,21 +51,17 @@ struct Failure {
 impl Report {
     pub(super) fn of(results: &Results, files: Vec<String>) -> Self {
         let summaries = results.summaries();
-        let error = |method: &str, spp: u32, metric: Metric| {
-            let it = summaries.iter().find(|it| it.method == method && it.spp == spp)?;
-            Some(it.error(metric)?.mean)
-        };
         let means = summaries.iter().filter_map(|it| {
-            let of = |metric| error(&it.method, it.spp, metric);
-            let (mse, relmse) = (of(Metric::Mse)?, of(Metric::RelMse)?);
+            let (mse, relmse) = (it.error(Metric::Mse)?.mean, it.error(Metric::RelMse)?.mean);
+            let plain = |metric| results.error(PLAIN, it.spp, metric);
             Some(Mean {
                 method: it.method.clone(),
                 spp: it.spp,
                 runs: it.runs,
                 mse,
                 relmse,
-                mse_ratio: error(PLAIN, it.spp, Metric::Mse).map(|plain| mse / plain),
-                relmse_ratio: error(PLAIN, it.spp, Metric::RelMse).map(|plain| relmse / plain),
+                mse_ratio: plain(Metric::Mse).map(|plain| mse / plain),
+                relmse_ratio: plain(Metric::RelMse).map(|plain| relmse / plain),
                 seconds: it.seconds.total,
             })
         });
