@@ -341,3 +341,33 @@ fn tables_that_cannot_be_drawn() {
     bench.succeed("chart two.csv --scene <c> --metric smape");
     assert!(bench.files().contains(&"two.svg".to_owned()));
 }
+
+/// The charts of the documentation are what its tables say, and so are the sentences.
+#[test]
+fn the_documentation_shows_its_tables() {
+    let docs = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs");
+    let page = std::fs::read_to_string(docs.join("work-precision.md")).expect("the page");
+    let bench = Bench::new();
+    let mut scenes = 0;
+    for file in std::fs::read_dir(docs.join("work-precision")).expect("the tables") {
+        let table = file.expect("a file").path();
+        if table.extension().is_none_or(|extension| extension != "csv") {
+            continue;
+        }
+        scenes += 1;
+        let name = table.file_stem().and_then(|stem| stem.to_str()).expect("a scene");
+        bench.write("t.csv", std::fs::read(&table).expect("a table"));
+        bench.succeed("chart t.csv -q -o t.svg");
+        let drawn = std::fs::read_to_string(bench.path("t.svg")).expect("a chart");
+        let shown = std::fs::read_to_string(table.with_extension("svg")).expect("a chart");
+        assert!(drawn == shown, "{name}.svg is not what nst chart draws of {name}.csv");
+        assert!(page.contains(&format!("](work-precision/{name}.svg)")), "{name} is not shown");
+        for metric in ["mse", "relmse"] {
+            let said = bench.succeed(&format!("chart t.csv -o t.svg --json --metric {metric}"));
+            let said: serde_json::Value = serde_json::from_str(&said).expect("JSON");
+            let sentence = said["advice"].as_str().expect("a sentence");
+            assert!(page.contains(sentence), "{name}: the page does not say: {sentence}");
+        }
+    }
+    assert_eq!(scenes, page.matches("](work-precision/").count() - 1, "one link is to the folder");
+}

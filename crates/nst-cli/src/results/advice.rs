@@ -145,10 +145,10 @@ impl<'a> Duels<'a> {
 
     /// A remark if the difference may be chance.
     fn doubt(&self, method: &Curve, budget: f64) -> &'static str {
-        let intervals = method.interval_at(budget).zip(self.plain.interval_at(budget));
-        match intervals {
+        match method.interval_at(budget).zip(self.plain.interval_at(budget)) {
             Some((method, plain)) if method[1] >= plain[0] => " (their 95 % intervals overlap)",
-            _ => "",
+            Some(_) => "",
+            None => " (by a single run)",
         }
     }
 

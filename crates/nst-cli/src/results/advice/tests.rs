@@ -34,7 +34,7 @@ fn a_method_that_plain_sampling_overtakes() {
     says(
         &[PLAIN_POINTS, ("biased", &biased)],
         "For a budget of 5 s on this scene, pick 'biased': its MSE is 0.063, 0.32 of the plain \
-         estimate's at equal time; from 32 s on, plain sampling wins.",
+         estimate's at equal time (by a single run); from 32 s on, plain sampling wins.",
     );
     // Another one that ends earlier, behind: no change. One that leads then: it is named.
     let behind = [(8, 1.0, 2.0), (80, 10.0, 1.0)];
@@ -51,9 +51,32 @@ fn a_method_that_stays_ahead() {
     says(
         &[("half", &half), PLAIN_POINTS],
         "For a budget of 20 s on this scene, pick 'half': its MSE is 0.023, 0.45 of the plain \
-         estimate's at equal time; at 100 s, the longest time compared, 'half' is still ahead of \
-         plain sampling.",
+         estimate's at equal time (by a single run); at 100 s, the longest time compared, 'half' is \
+         still ahead of plain sampling.",
     );
+}
+
+#[test]
+fn chance() {
+    let says = |errors: [f64; 2], remark: &str| {
+        let rows =
+            [("none", [1.0, 1.01]), ("a", errors)].into_iter().flat_map(|(method, errors)| {
+                [8, 80].into_iter().flat_map(move |spp| {
+                    errors.into_iter().zip(0..).map(move |(error, run)| Row {
+                        method: method.to_owned(),
+                        spp,
+                        run,
+                        mse: Some(error * 8.0 / f64::from(spp)),
+                        total_seconds: Some(f64::from(spp)),
+                        ..Row::default()
+                    })
+                })
+            });
+        let found = advice(&Results::of(rows).expect("rows that fit together"), Metric::Mse);
+        assert!(found.contains(&format!("at equal time{remark}; at")), "{found}");
+    };
+    says([0.5, 0.51], "");
+    says([0.5, 0.99], " (their 95 % intervals overlap)");
 }
 
 #[test]
