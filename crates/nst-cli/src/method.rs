@@ -1,6 +1,6 @@
 //! Which transformation the command line asks for, and what it runs on.
 
-use std::sync::Arc;
+use std::{path::Path, sync::Arc};
 
 #[cfg(feature = "gpu")]
 use nst_core::gpu::{AdapterKind, Gpu, MlpGpu};
@@ -55,16 +55,19 @@ impl Method {
     /// The method that the options ask for.
     pub(crate) fn resolve(args: &MethodArgs, origin: Origin<'_>) -> Result<Self, Error> {
         match &args.weights {
-            Some(path) => {
-                let network = Network::read(path)
-                    .map_err(|source| Error::Weights { path: path.clone(), source })?;
-                Self::network(path.display().to_string(), AS_ASKED, network, args.backend)
-            }
+            Some(path) => Self::of_file(path, args.backend),
             None => Self::named(args.transform, args.backend, origin),
         }
     }
 
-    /// The method of a name, for [`Self::resolve`] and for benchmarks.
+    /// The network of a weights file.
+    pub(crate) fn of_file(path: &Path, backend: BackendArg) -> Result<Self, Error> {
+        let network = Network::read(path)
+            .map_err(|source| Error::Weights { path: path.to_owned(), source })?;
+        Self::network(path.display().to_string(), AS_ASKED, network, backend)
+    }
+
+    /// The method of a name.
     pub(crate) fn named(
         transform: TransformArg,
         backend: BackendArg,

@@ -261,3 +261,33 @@ fn a_bench_that_is_cut_off_goes_on() {
     assert_eq!(errors(&continued), errors(&table(&bench, "whole.csv")));
     assert_eq!(bench.files(), ["caches", "t.csv", "t.exr", "whole.csv", "whole.exr"]);
 }
+
+#[test]
+fn networks_of_files_are_measured_anew() {
+    let bench = Bench::new();
+    let put = |network: &str| {
+        let weights = concat!(env!("CARGO_MANIFEST_DIR"), "/../nst-core/weights");
+        let file = format!("{weights}/{network}.safetensors");
+        std::fs::copy(file, bench.path("mine.safetensors")).expect("a network");
+    };
+    let scene = format!("--scene {} --size 8x8 --spp 8 --runs 2 --backend cpu", cornell());
+    let args = format!("bench scene {scene} --transform families --weights mine.safetensors");
+    let mse = |method: &str| table(&bench, "t.csv")[&(method.to_owned(), 8, 1)]["mse"].clone();
+    put("families");
+    succeed(&bench, &format!("{args} -o t.csv"));
+    let families = mse("families");
+    assert_eq!(mse("mine"), families);
+    put("cornell");
+    succeed(&bench, &format!("{args} -o t.csv"));
+    assert_eq!(mse("families"), families);
+    assert_ne!(mse("mine"), families, "the file changed");
+    for (file, code, words) in [
+        ("families.safetensors", 2, "another method 'families'"),
+        ("gone.safetensors", 1, "gone.safetensors"),
+    ] {
+        let (found, _, complained) =
+            nst(&bench, &format!("{} -o t.csv", args.replace("mine.safetensors", file)));
+        assert_eq!(found, Some(code), "{complained}");
+        assert!(complained.contains(words), "{complained}");
+    }
+}

@@ -70,6 +70,10 @@ pub(crate) struct BenchSceneArgs {
     /// Methods to compare, beside the plain estimate. [default: all]
     #[arg(long, value_name = "METHOD", value_delimiter = ',', num_args = 1.., hide_possible_values = true, value_parser = transform())]
     pub(crate) transform: Vec<TransformArg>,
+    /// Also measure networks of these safetensors files, under the names of the files. A bench
+    /// that goes on measures them anew, as they may have changed.
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    pub(crate) weights: Vec<PathBuf>,
     /// Also judge a picture of another program, which says its samples per pixel, and perhaps
     /// its renderTimeSeconds; can be given several times, with one name for several runs.
     #[arg(long, value_name = "NAME=FILE[:LAYER]", value_parser = named_picture)]

@@ -2,6 +2,7 @@
 
 use std::{
     collections::BTreeMap,
+    path::PathBuf,
     time::{Duration, Instant},
 };
 
@@ -25,8 +26,15 @@ use crate::{
 /// The methods, each of which is made ready once.
 pub(super) struct Methods {
     backend: BackendArg,
-    names: Vec<(String, TransformArg)>,
+    names: Vec<(String, Choice)>,
     ready: BTreeMap<String, Ready>,
+}
+
+/// Where a method comes from.
+#[derive(Clone)]
+enum Choice {
+    Named(TransformArg),
+    Weights(PathBuf),
 }
 
 struct Ready {
@@ -46,16 +54,33 @@ struct Transformed {
 }
 
 impl Methods {
-    /// The plain estimate, and then these, each once.
-    pub(super) fn new(asked: &[TransformArg], backend: BackendArg) -> Self {
-        let mut names: Vec<(String, TransformArg)> = Vec::new();
+    /// The plain estimate, and then these, each once, and the networks of these files.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if a file has the name of another method.
+    pub(super) fn new(
+        asked: &[TransformArg],
+        weights: &[PathBuf],
+        backend: BackendArg,
+    ) -> Result<Self, Error> {
+        let mut names: Vec<(String, Choice)> = Vec::new();
         for &transform in [TransformArg::None].iter().chain(asked) {
-            let name = transform.name().to_owned();
-            if names.iter().all(|(earlier, _)| *earlier != name) {
-                names.push((name, transform));
+            let name = transform.name();
+            if names.iter().all(|(earlier, _)| earlier != name) {
+                names.push((name.to_owned(), Choice::Named(transform)));
             }
         }
-        Self { backend, names, ready: BTreeMap::new() }
+        for path in weights {
+            let name = path.file_stem().unwrap_or_default().to_string_lossy();
+            if TransformArg::named(&name).is_some() || names.iter().any(|(it, _)| *it == name) {
+                return Err(Error::Usage(format!(
+                    "--weights {}: there is another method '{name}'; rename the file",
+                    path.display()
+                )));
+            }
+            names.push((name.into_owned(), Choice::Weights(path.clone())));
+        }
+        Ok(Self { backend, names, ready: BTreeMap::new() })
     }
 
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
@@ -65,8 +90,8 @@ impl Methods {
     /// The most last terms that a method reads.
     pub(super) fn window(&mut self, origin: &Origin) -> Result<usize, Error> {
         let mut window = DEFAULT_WINDOW;
-        for (_, transform) in self.names.clone() {
-            let method = &self.ready(transform, origin, &[])?.method;
+        for (name, choice) in self.names.clone() {
+            let method = &self.ready(&name, &choice, origin, &[])?.method;
             window = window.max(method.transform.requires().window);
         }
         Ok(window)
@@ -75,20 +100,27 @@ impl Methods {
     /// Makes a method ready; for `auto`, that is the one that it chooses.
     fn ready(
         &mut self,
-        transform: TransformArg,
+        name: &str,
+        choice: &Choice,
         origin: &Origin,
         counts: &[u32],
     ) -> Result<&mut Ready, Error> {
         let origin =
             method::Origin { scene: &origin.fingerprint, sampler: &origin.sampler, counts };
-        let name = match transform {
-            TransformArg::Auto => Method::named(transform, BackendArg::Cpu, origin)?.name,
-            transform => transform.name().to_owned(),
+        let (name, choice) = match choice {
+            Choice::Named(auto @ TransformArg::Auto) => {
+                let name = Method::named(*auto, BackendArg::Cpu, origin)?.name;
+                let named = TransformArg::named(&name).expect("methods have names");
+                (name, Choice::Named(named))
+            }
+            choice => (name.to_owned(), choice.clone()),
         };
         if !self.ready.contains_key(&name) {
-            let named = TransformArg::named(&name).expect("methods have names");
             let begin = Instant::now();
-            let method = Method::named(named, self.backend, origin)?;
+            let method = match choice {
+                Choice::Named(named) => Method::named(named, self.backend, origin)?,
+                Choice::Weights(path) => Method::of_file(&path, self.backend)?,
+            };
             let ready = Ready { method, making: begin.elapsed(), warming: None };
             self.ready.insert(name.clone(), ready);
         }
@@ -98,11 +130,12 @@ impl Methods {
     /// The estimates of a method, or why it fails on this run.
     fn transform(
         &mut self,
-        transform: TransformArg,
+        name: &str,
+        choice: &Choice,
         origin: &Origin,
         batch: &SequenceBatch,
     ) -> Result<Transformed, String> {
-        let ready = self.ready(transform, origin, batch.sample_counts());
+        let ready = self.ready(name, choice, origin, batch.sample_counts());
         let ready = ready.map_err(|error| error.to_string())?;
         let window = ready.method.transform.requires().window;
         let terms = batch.sample_counts().len();
@@ -131,8 +164,8 @@ impl Methods {
 
     /// The picture that a method makes of a run, if it does not fail.
     pub(super) fn picture(&mut self, name: &str, origin: &Origin, run: &Run) -> Option<Vec<f32>> {
-        let transform = TransformArg::named(name)?;
-        Some(self.transform(transform, origin, &run.batch).ok()?.values)
+        let (name, choice) = self.names.iter().find(|(known, _)| known == name)?.clone();
+        Some(self.transform(&name, &choice, origin, &run.batch).ok()?.values)
     }
 }
 
@@ -154,13 +187,13 @@ impl Meter<'_> {
         let writing = runs.iter().map(|run| self.write_and_drop(run));
         let writing = writing.collect::<Result<Vec<_>, _>>()?;
         let mut rows = Vec::new();
-        for (name, transform) in methods.names.clone() {
+        for (name, choice) in methods.names.clone() {
             if !runs.iter().any(|run| wanted(&name, run.number)) {
                 continue;
             }
             let results: Vec<_> = runs
                 .iter()
-                .map(|run| methods.transform(transform, self.origin, &run.batch))
+                .map(|run| methods.transform(&name, &choice, self.origin, &run.batch))
                 .collect();
             let bias2 = match &results[..] {
                 [Ok(a), Ok(b)] => Some(self.reference.halves().bias_squared(&a.values, &b.values)?),

@@ -40,7 +40,7 @@ const PATHS_PER_METHOD: u64 = 8;
 
 pub(super) fn run(args: &BenchSceneArgs) -> Result<Done, Error> {
     check_seeds(args)?;
-    let mut inputs: Vec<_> = args.reference.clone();
+    let mut inputs: Vec<_> = args.reference.iter().chain(&args.weights).cloned().collect();
     inputs.extend(args.picture.iter().map(|picture| picture.file.clone()));
     inputs.extend(args.sequence.clone());
     interrupt::finish_on_signal();
@@ -65,7 +65,7 @@ pub(super) fn run(args: &BenchSceneArgs) -> Result<Done, Error> {
     } else {
         args.transform.clone()
     };
-    let mut methods = Methods::new(&asked, args.backend);
+    let mut methods = Methods::new(&asked, &args.weights, args.backend)?;
     if let Some(name) = methods.names().find(|name| args.picture.iter().any(|it| it.name == **name))
     {
         return Err(Error::Usage(format!("--picture {name}=…: a method has this name already")));
@@ -73,6 +73,9 @@ pub(super) fn run(args: &BenchSceneArgs) -> Result<Done, Error> {
     let first_seed = matches!(source, Source::Scene { .. }).then_some(args.seed);
     let example = Row { method: PLAIN.into(), seed: first_seed, ..meter.blank() };
     let mut table = Table::open(&args.output, &example)?;
+    table.retain(|method| {
+        TransformArg::named(method).is_some() || methods.names().all(|it| it != method)
+    });
     measure(args, &meter, &source, &mut methods, &mut table)?;
     table.add(pictures::rows(&others))?;
     let results = Results::of(table.rows().iter().cloned())?;

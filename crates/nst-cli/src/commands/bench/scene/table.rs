@@ -45,6 +45,11 @@ impl Table {
         &self.rows
     }
 
+    /// Forgets the rows of other methods than these.
+    pub(super) fn retain(&mut self, keep: impl Fn(&str) -> bool) {
+        self.rows.retain(|row| keep(&row.method));
+    }
+
     /// Whether a method on a run is there.
     pub(super) fn has(&self, method: &str, spp: u32, run: u32) -> bool {
         self.rows.iter().any(|row| (&*row.method, row.spp, row.run) == (method, spp, run))
