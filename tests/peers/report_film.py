@@ -19,7 +19,8 @@ METHODS = ("none", "auto", ODD)
 COLUMNS = """
     scene method spp run mse relmse smape mse_trimmed bias2 predicted_mse load_seconds render_seconds
     transform_seconds transform_warm_seconds io_seconds total_seconds width height reference_mse threads
-    machine adapter version schema failure fingerprint seed
+    machine adapter version schema failure fingerprint seed sampler
+    predicted_ratio predicted_low predicted_high
 """.split()  # noqa: SIM905
 
 
@@ -110,7 +111,7 @@ def write_table(path: Path, scene: str = "a <i>scene</i> &amp; more") -> None:
     """Three methods and two sample counts, four runs each; a fourth method that failed."""
     common = {
         "scene": scene, "width": WIDTH, "height": HEIGHT, "reference_mse": 1e-7, "threads": 2,
-        "machine": "a processor", "version": "0.0.0", "schema": 2,
+        "machine": "a processor", "version": "0.0.0", "schema": 3,
     }  # fmt: skip
     rows = []
     for place, method in enumerate(METHODS):

@@ -10,7 +10,7 @@ use nst_files::{ColorModel, output::OutputFile, picture_writer::write_exr};
 const HEADER: &str = "scene,method,spp,run,mse,relmse,smape,mse_trimmed,bias2,predicted_mse,\
     load_seconds,render_seconds,transform_seconds,transform_warm_seconds,io_seconds,total_seconds,\
     width,height,reference_mse,threads,machine,adapter,version,schema,failure,\
-    fingerprint,seed\n";
+    fingerprint,seed,sampler,predicted_ratio,predicted_low,predicted_high\n";
 
 /// A table of these scenes, methods at 8 spp.
 fn table(scenes: &[&str], methods: &[&str], [width, height]: [u32; 2]) -> String {
@@ -18,7 +18,7 @@ fn table(scenes: &[&str], methods: &[&str], [width, height]: [u32; 2]) -> String
         methods.iter().enumerate().map(move |(place, method)| {
             let (mse, seconds) = (1.0 / (place + 1) as f64, 1 + place);
             format!(
-                "{scene},{method},8,0,{mse},,,,,,,,,,,{seconds},{width},{height},,,,,0.0.0,2,,,\n"
+                "{scene},{method},8,0,{mse},,,,,,,,,,,{seconds},{width},{height},,,,,0.0.0,3,,,,,,,\n"
             )
         })
     });

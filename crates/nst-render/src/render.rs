@@ -223,7 +223,7 @@ mod tests {
     #[test]
     fn a_rendering_goes_on_where_it_stopped() {
         for keep in [Keep::Window(8), Keep::All, Keep::Pow2(3)] {
-            for sampler in [SamplerKind::Random, SamplerKind::Halton] {
+            for sampler in [SamplerKind::Random, SamplerKind::Halton, SamplerKind::HaltonFolds] {
                 let settings = RenderSettings { spp: 41, sampler, seed: 3, keep };
                 let whole = render(&scene(), &settings, &|_| {}).expect("the scene renders");
                 let mut part = stopped(None, &settings, 1);

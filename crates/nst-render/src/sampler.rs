@@ -6,6 +6,7 @@ mod hash;
 use std::{fmt, str::FromStr};
 
 use glam::Vec2;
+use nst_core::FOLDS;
 
 use crate::packet::PACKET;
 use hash::{GAMMA, bits, first, mix, pair};
@@ -16,8 +17,16 @@ pub enum SamplerKind {
     /// Independent and uniform.
     #[default]
     Random,
-    /// The Halton sequence, Owen-scrambled for each pixel by itself.
+    /// The Halton sequence, Owen-scrambled for each pixel by itself. The folds of a lane
+    /// depend on each other.
     Halton,
+    /// For each of the [`FOLDS`] folds of a pixel a Halton sequence of its own, scrambled by
+    /// itself, so that the folds are independent.
+    HaltonFolds,
+}
+
+impl SamplerKind {
+    const ALL: [Self; 3] = [Self::Random, Self::Halton, Self::HaltonFolds];
 }
 
 /// The name in sequence files and on the command line.
@@ -26,6 +35,7 @@ impl fmt::Display for SamplerKind {
         f.pad(match self {
             Self::Random => "random",
             Self::Halton => "halton",
+            Self::HaltonFolds => "halton-folds",
         })
     }
 }
@@ -35,10 +45,10 @@ impl FromStr for SamplerKind {
 
     /// Undoes `to_string`.
     fn from_str(name: &str) -> Result<Self, String> {
-        let mut kinds = [Self::Random, Self::Halton].into_iter();
-        kinds
+        Self::ALL
+            .into_iter()
             .find(|kind| kind.to_string() == name)
-            .ok_or_else(|| format!("'{name}' is not 'random' or 'halton'"))
+            .ok_or_else(|| format!("'{name}' is not 'random', 'halton' or 'halton-folds'"))
     }
 }
 
@@ -64,12 +74,15 @@ impl Sampler {
     /// The numbers of one sample of one pixel, from dimension 0 on.
     #[must_use]
     pub fn stream(&self, pixel: u32, index: u32) -> SampleStream {
-        // The samples of a pixel are points of one Halton sequence; random ones are
-        // independent.
-        let key = match self.kind {
-            SamplerKind::Random => mix(self.seed ^ (u64::from(pixel) << 32 | u64::from(index))),
-            SamplerKind::Halton => mix(self.seed ^ u64::from(pixel) << 32),
+        // The samples of a pixel, or of a fold of it, are points of one Halton sequence;
+        // random ones are independent.
+        const FOLD_COUNT: u32 = FOLDS as u32;
+        let (member, index) = match self.kind {
+            SamplerKind::Random => (index, index),
+            SamplerKind::Halton => (0, index),
+            SamplerKind::HaltonFolds => (index % FOLD_COUNT, index / FOLD_COUNT),
         };
+        let key = mix(self.seed ^ (u64::from(pixel) << 32 | u64::from(member)));
         SampleStream { kind: self.kind, key, index, dimension: 0 }
     }
 }
@@ -91,7 +104,9 @@ impl SampleStream {
         self.dimension += 1;
         match self.kind {
             SamplerKind::Random => first(bits(self.key, dimension)),
-            SamplerKind::Halton => halton(self.key, self.index, dimension),
+            SamplerKind::Halton | SamplerKind::HaltonFolds => {
+                halton(self.key, self.index, dimension)
+            }
         }
     }
 
@@ -102,7 +117,7 @@ impl SampleStream {
         self.dimension += 2;
         match self.kind {
             SamplerKind::Random => pair(bits(self.key, dimension)),
-            SamplerKind::Halton => Vec2::new(
+            SamplerKind::Halton | SamplerKind::HaltonFolds => Vec2::new(
                 halton(self.key, self.index, dimension),
                 halton(self.key, self.index, dimension + 1),
             ),
@@ -146,7 +161,7 @@ impl Streams {
                     values[i] = first(bits(self.key[i], dimension));
                 }
             }
-            SamplerKind::Halton => {
+            SamplerKind::Halton | SamplerKind::HaltonFolds => {
                 for i in 0..PACKET {
                     values[i] = halton(self.key[i], self.index[i], dimension);
                 }
@@ -175,7 +190,7 @@ impl Streams {
                     values[i] = bits(self.key[i], dimension) >> (64 - FINE_BITS);
                 }
             }
-            SamplerKind::Halton => {
+            SamplerKind::Halton | SamplerKind::HaltonFolds => {
                 for i in 0..PACKET {
                     values[i] = fine_halton(self.key[i], self.index[i], dimension);
                 }
@@ -197,7 +212,7 @@ impl Streams {
                 }
                 [x, y]
             }
-            SamplerKind::Halton => {
+            SamplerKind::Halton | SamplerKind::HaltonFolds => {
                 [self.draw_1d(kind, dimension), self.draw_1d(kind, dimension + 1)]
             }
         }
@@ -229,11 +244,9 @@ fn fine_halton(key: u64, index: u32, dimension: u32) -> u64 {
 mod tests {
     use super::*;
 
-    const KINDS: [SamplerKind; 2] = [SamplerKind::Random, SamplerKind::Halton];
-
     #[test]
     fn streams_do_not_depend_on_the_order_of_queries() {
-        for kind in KINDS {
+        for kind in SamplerKind::ALL {
             let sampler = Sampler::new(kind, 7);
             let values = |pixel, index| {
                 let mut stream = sampler.stream(pixel, index);
@@ -263,7 +276,7 @@ mod tests {
 
     #[test]
     fn neighbours_are_uniform_and_independent() {
-        for kind in KINDS {
+        for kind in SamplerKind::ALL {
             let sampler = Sampler::new(kind, 1);
             let dimension = |pixel, index, dimension| {
                 let mut stream = sampler.stream(pixel, index);
@@ -284,12 +297,28 @@ mod tests {
         assert!(chi2(|i| (first(i), first(i))) > 347.7);
     }
 
+    /// Every fold is a Halton sequence: its first eight numbers in base 2 are one in each eighth.
+    /// One fold says nothing about another, which χ² sees where folds share a sequence.
+    #[test]
+    fn folds_are_sequences_of_their_own() {
+        let first = |kind, pixel, index| Sampler::new(kind, 5).stream(pixel, index).next_1d();
+        let folds = SamplerKind::HaltonFolds;
+        for fold in 0..FOLDS as u32 {
+            let mut eighths: Vec<_> =
+                (0..8).map(|i| (first(folds, 3, fold + i * 4) * 8.0) as u32).collect();
+            eighths.sort_unstable();
+            assert_eq!(eighths, [0, 1, 2, 3, 4, 5, 6, 7], "fold {fold}");
+        }
+        let neighbours = |kind| chi2(|pixel| (first(kind, pixel, 4), first(kind, pixel, 5)));
+        assert!(neighbours(folds) < 347.7 && neighbours(SamplerKind::Halton) > 347.7);
+    }
+
     /// Both halves of numbers with many digits: the first is the number with fewer, and
     /// the second is uniform and independent of it, of its neighbours, and of the next
     /// dimension.
     #[test]
     fn fine_numbers_are_finer_than_others_and_uniform() {
-        for kind in KINDS {
+        for kind in SamplerKind::ALL {
             let sampler = Sampler::new(kind, 3);
             let fine = |pixel, index, dimension| {
                 let mut streams = Streams::ZERO;

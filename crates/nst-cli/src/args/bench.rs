@@ -8,7 +8,7 @@ use super::{
     common::CommonArgs,
     method::{BackendArg, TransformArg, transform},
     picture::{NamedPicture, named_picture},
-    render::PixelArg,
+    render::{PixelArg, SamplerArg},
     values::{count, seed, size},
 };
 
@@ -38,7 +38,7 @@ pub(crate) struct BenchSceneArgs {
     #[arg(long, value_name = "OBJ")]
     pub(crate) scene: Option<PathBuf>,
     /// Instead of a scene, sequence files of independent runs, as `nst pack` makes them.
-    #[arg(long, value_name = "EXR", num_args = 1.., requires = "reference", conflicts_with_all = ["spp", "runs", "seed", "size", "pixel", "max_depth", "reference_spp"])]
+    #[arg(long, value_name = "EXR", num_args = 1.., requires = "reference", conflicts_with_all = ["spp", "runs", "seed", "sampler", "size", "pixel", "max_depth", "reference_spp"])]
     pub(crate) sequence: Vec<PathBuf>,
     /// EXR picture whose R, G, B count as the true values, or two independent ones; it sets
     /// the film size. [default: two are rendered, and kept for the next bench]
@@ -61,6 +61,9 @@ pub(crate) struct BenchSceneArgs {
     /// Seed of the first run; those of the others count up from it.
     #[arg(long, default_value_t = 1_000_000, value_parser = seed, allow_negative_numbers = true)]
     pub(crate) seed: u64,
+    /// Which random numbers to use. [default: random]
+    #[arg(long, value_enum)]
+    pub(crate) sampler: Option<SamplerArg>,
     /// Path vertices after the camera that may scatter or emit. [default: the scene's]
     #[arg(long, value_name = "N", value_parser = count, allow_negative_numbers = true)]
     pub(crate) max_depth: Option<u32>,

@@ -138,8 +138,10 @@ pub(crate) enum KeepArg {
 pub(crate) enum SamplerArg {
     /// Independent and uniform.
     Random,
-    /// A scrambled Halton sequence for each pixel.
+    /// A scrambled Halton sequence for each pixel: the least noise.
     Halton,
+    /// Four independent ones for each pixel, so that `auto` can measure what it gains.
+    HaltonFolds,
 }
 
 impl From<SamplerArg> for SamplerKind {
@@ -147,6 +149,7 @@ impl From<SamplerArg> for SamplerKind {
         match arg {
             SamplerArg::Random => Self::Random,
             SamplerArg::Halton => Self::Halton,
+            SamplerArg::HaltonFolds => Self::HaltonFolds,
         }
     }
 }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// The version of the table. Whoever changes the meaning of a column counts it up.
-pub(crate) const SCHEMA: u32 = 2;
+pub(crate) const SCHEMA: u32 = 3;
 
 /// The method that all others are compared with: the plain estimate S.
 pub(crate) const PLAIN: &str = "none";
@@ -36,6 +36,12 @@ pub(crate) struct Row {
     pub(crate) bias2: Option<f64>,
     /// What the method itself says its MSE is.
     pub(crate) predicted_mse: Option<f64>,
+    /// What the method itself says its MSE is, relative to that of the plain estimate.
+    pub(crate) predicted_ratio: Option<f64>,
+    /// The lower end of the 95 % interval of that.
+    pub(crate) predicted_low: Option<f64>,
+    /// The upper end of it.
+    pub(crate) predicted_high: Option<f64>,
     /// Seconds to load the scene.
     pub(crate) load_seconds: Option<f64>,
     /// Seconds to render.
@@ -58,6 +64,8 @@ pub(crate) struct Row {
     pub(crate) fingerprint: String,
     /// The seed of the run's random numbers.
     pub(crate) seed: Option<u64>,
+    /// Which random numbers were used: `random`, or the name of another sampler.
+    pub(crate) sampler: String,
     /// Threads that were used.
     pub(crate) threads: Option<u32>,
     /// The machine's processor.
@@ -91,8 +99,8 @@ mod tests {
     #[test]
     fn the_columns_have_their_order() {
         let columns = "scene method spp run mse relmse smape mse_trimmed bias2 predicted_mse \
-                       load_seconds render_seconds transform_seconds transform_warm_seconds \
-                       io_seconds total_seconds width height reference_mse fingerprint seed threads \
+                       predicted_ratio predicted_low predicted_high load_seconds render_seconds transform_seconds transform_warm_seconds \
+                       io_seconds total_seconds width height reference_mse fingerprint seed sampler threads \
                        machine adapter version schema failure";
         assert_eq!(Row::columns(), columns.split_whitespace().collect::<Vec<_>>());
     }

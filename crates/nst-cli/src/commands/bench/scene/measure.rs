@@ -230,13 +230,14 @@ impl Meter<'_> {
 
     /// What all rows have in common.
     pub(super) fn blank(&self) -> Row {
-        let Origin { scene, fingerprint, size: [width, height], .. } = self.origin;
+        let Origin { scene, fingerprint, sampler, size: [width, height] } = self.origin;
         Row {
             scene: scene.clone(),
             width: *width,
             height: *height,
             reference_mse: self.reference.own_mse,
             fingerprint: fingerprint.clone(),
+            sampler: sampler.clone(),
             threads: Some(rayon::current_num_threads() as u32),
             machine: system::processor(),
             version: system::VERSION.to_owned(),

@@ -136,13 +136,14 @@ fn source(
     }
     scene.max_depth = args.max_depth.unwrap_or(scene.max_depth);
     inputs.extend(scene.inputs.iter().cloned());
+    let sampler = args.sampler.map_or(SamplerKind::Random, SamplerKind::from);
     let origin = Origin {
         scene: scene.name.clone(),
         fingerprint: scene.fingerprint(),
-        sampler: SamplerKind::Random.to_string(),
+        sampler: sampler.to_string(),
         size: scene.size,
     };
-    Ok((Source::Scene { scene: Box::new(scene), loading, seed: args.seed }, origin))
+    Ok((Source::Scene { scene: Box::new(scene), loading, sampler, seed: args.seed }, origin))
 }
 
 /// A size of the same shape, whose longer side is not larger than this.

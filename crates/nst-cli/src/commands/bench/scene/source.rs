@@ -14,6 +14,7 @@ pub(super) enum Source {
         scene: Box<Scene>,
         /// How long it took to load.
         loading: Duration,
+        sampler: SamplerKind,
         /// The seed of the first run.
         seed: u64,
     },
@@ -69,12 +70,13 @@ impl Source {
             }
             match &first {
                 None => first = Some((path.clone(), origin)),
-                Some((_, it)) if it.fingerprint == origin.fingerprint && it.size == origin.size => {
-                }
+                Some((_, it))
+                    if (&it.fingerprint, it.size, &it.sampler)
+                        == (&origin.fingerprint, origin.size, &origin.sampler) => {}
                 Some((other, _)) => {
                     return Err(Error::Unlike(format!(
-                        "'{}' and '{}' are of different scenes or sizes; the runs of a bench must \
-                         agree in them",
+                        "'{}' and '{}' are of different scenes, samplers or sizes; the runs of a \
+                         bench must agree in them",
                         other.display(),
                         path.display()
                     )));
@@ -115,10 +117,10 @@ impl Source {
     /// Renders a run, or reads it; `window` is the number of last terms that are needed.
     pub(super) fn run(&self, spp: u32, number: u32, window: usize) -> Result<Run, Error> {
         match self {
-            Self::Scene { scene, seed, .. } => {
+            Self::Scene { scene, sampler, seed, .. } => {
                 let seed = seed + u64::from(number);
                 let keep = Keep::Window(window as u32);
-                let settings = RenderSettings { spp, sampler: SamplerKind::Random, seed, keep };
+                let settings = RenderSettings { spp, sampler: *sampler, seed, keep };
                 let control = Control { progress: &|_| {}, stop: &interrupt::asked };
                 let rendering = render_from(None, scene, &settings, control)?;
                 let render_time = Some(rendering.time);

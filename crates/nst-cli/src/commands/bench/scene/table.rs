@@ -82,6 +82,7 @@ fn difference(a: &Row, b: &Row) -> Option<&'static str> {
     let seed = |row: &Row| row.seed.map(|seed| seed.wrapping_sub(row.run.into()));
     [
         ("scene", a.scene != b.scene || a.fingerprint != b.fingerprint),
+        ("sampler", a.sampler != b.sampler),
         ("size", [a.width, a.height] != [b.width, b.height]),
         ("reference", a.reference_mse != b.reference_mse),
         ("--seed", a.seed.is_some() && b.seed.is_some() && seed(a) != seed(b)),
