@@ -152,7 +152,7 @@ fn a_stored_sequence_holds_what_was_asked_for() {
     // The same samples, whatever is kept of them.
     assert_eq!(all.batch.window(8), window.batch.window(8));
     assert!(all.batch.sides().eq(window.batch.sides()));
-    assert_eq!(all.batch.sides().count(), 5);
+    assert_eq!(all.batch.sides().count(), 13);
 }
 
 /// These methods learn from the whole picture, which `nst transform` reads strip by strip.

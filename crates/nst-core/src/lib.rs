@@ -46,6 +46,6 @@ pub use network::{Builtin, Layer, Metadata, Network};
 pub(crate) use sequence::sum_in_order;
 pub use sequence::{
     Extent, FOLDS, Grid, Keep, LANES_PER_BLOCK, LaneSums, Merging, SequenceBatch, Side, Strips,
-    Whole, fold_count,
+    Whole, fold_count, root,
 };
 pub use transform::{Estimates, Fitted, Identity, Requirements, Status, Support, Transform};

@@ -58,9 +58,11 @@ fn sequence(model: ColorModel, resume: bool) -> SequenceFile {
     batch.set_grid(Grid::new(13, 21, channels, 0).expect("a grid")).expect("its lanes");
     let sums = sums_of(8);
     for fold in 0..FOLDS {
-        let mean = |sums: &LaneSums| (sums.folds[fold] / fold_count(fold, 8)) as f32;
-        let side = Side::Fold(fold as u8);
-        batch.set_side(side, sums.iter().map(mean).collect()).expect("a fold");
+        for (kind, sides) in Side::OF_FOLDS.into_iter().enumerate() {
+            let mean = |sums: &LaneSums| (sums.of_folds()[kind][fold] / fold_count(fold, 8)) as f32;
+            let values = sums.iter().map(mean).collect();
+            batch.set_side(sides[fold].clone(), values).expect("a mean per lane");
+        }
     }
     let variance = sums.iter().map(|sums| sums.variance(8)).collect();
     batch.set_side(Side::Variance, variance).expect("the variance");

@@ -132,10 +132,12 @@ impl Film {
         let mut batch = SequenceBatch::new(terms, slots.sample_counts(samples))?;
         batch.set_grid(grid)?;
         if samples as usize >= FOLDS {
-            for (fold, side) in Side::ALL_FOLDS.iter().enumerate() {
-                let count = fold_count(fold, samples);
-                let mean = |lane: &LaneSums| (lane.folds[fold] / count) as f32;
-                batch.set_side(side.clone(), sums.par_iter().map(mean).collect())?;
+            for (kind, sides) in Side::OF_FOLDS.into_iter().enumerate() {
+                for (fold, side) in sides.iter().enumerate() {
+                    let count = fold_count(fold, samples);
+                    let mean = |lane: &LaneSums| (lane.of_folds()[kind][fold] / count) as f32;
+                    batch.set_side(side.clone(), sums.par_iter().map(mean).collect())?;
+                }
             }
         }
         if samples >= 2 {

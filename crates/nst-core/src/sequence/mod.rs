@@ -13,7 +13,7 @@ pub use keep::Keep;
 pub use side::{Extent, Merging, Side};
 pub(crate) use strips::sum_in_order;
 pub use strips::{LANES_PER_BLOCK, Strips, Whole};
-pub use sums::{FOLDS, LaneSums, fold_count};
+pub use sums::{FOLDS, LaneSums, fold_count, root};
 
 #[cfg(test)]
 pub(crate) use strips::tests;

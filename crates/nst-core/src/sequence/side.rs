@@ -10,6 +10,10 @@ use super::FOLDS;
 pub enum Side {
     /// The mean of a fold, with its number below [`FOLDS`]: `fold0` … `fold3`.
     Fold(u8),
+    /// The mean of the [roots](super::root) of a fold's samples: `root0` … `root3`.
+    Root(u8),
+    /// The mean of the squares of a fold's samples: `square0` … `square3`.
+    Square(u8),
     /// The estimated variance of S_N: `Variance`.
     Variance,
     /// How many samples of a pixel were left out because they were not finite: `Skipped`.
@@ -45,12 +49,35 @@ impl Side {
     pub const ALL_FOLDS: &'static [Self; FOLDS] =
         &[Self::Fold(0), Self::Fold(1), Self::Fold(2), Self::Fold(3)];
 
+    /// The roots of the four folds.
+    pub const ALL_ROOTS: &'static [Self; FOLDS] =
+        &[Self::Root(0), Self::Root(1), Self::Root(2), Self::Root(3)];
+
+    /// The squares of the four folds.
+    pub const ALL_SQUARES: &'static [Self; FOLDS] =
+        &[Self::Square(0), Self::Square(1), Self::Square(2), Self::Square(3)];
+
+    /// All means of folds.
+    pub const OF_FOLDS: [&'static [Self; FOLDS]; 3] =
+        [Self::ALL_FOLDS, Self::ALL_ROOTS, Self::ALL_SQUARES];
+
+    /// Whether it is a mean over a fold.
+    #[must_use]
+    pub fn is_of_fold(&self) -> bool {
+        matches!(self, Self::Fold(_) | Self::Root(_) | Self::Square(_))
+    }
+
+    /// All that have a name of their own.
+    fn known() -> impl Iterator<Item = &'static Self> {
+        Self::OF_FOLDS.into_iter().flatten().chain(&[Self::Variance, Self::Skipped])
+    }
+
     /// What it has one number for.
     #[must_use]
     pub fn extent(&self) -> Extent {
         match self {
-            Self::Fold(_) | Self::Variance | Self::Other(_) => Extent::Lane,
             Self::Skipped => Extent::Pixel,
+            _ => Extent::Lane,
         }
     }
 
@@ -58,7 +85,7 @@ impl Side {
     #[must_use]
     pub fn merging(&self) -> Merging {
         match self {
-            Self::Fold(_) => Merging::Mean,
+            Self::Fold(_) | Self::Root(_) | Self::Square(_) => Merging::Mean,
             Self::Variance => Merging::VarianceOfMean,
             Self::Skipped => Merging::Sum,
             Self::Other(_) => Merging::Refuse,
@@ -70,6 +97,8 @@ impl fmt::Display for Side {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Fold(fold) => write!(f, "fold{fold}"),
+            Self::Root(fold) => write!(f, "root{fold}"),
+            Self::Square(fold) => write!(f, "square{fold}"),
             Self::Variance => f.write_str("Variance"),
             Self::Skipped => f.write_str("Skipped"),
             Self::Other(name) => f.write_str(name),
@@ -82,8 +111,7 @@ impl FromStr for Side {
 
     /// The side channel of a name; an unknown name gives [`Side::Other`].
     fn from_str(name: &str) -> Result<Self, Infallible> {
-        let known = Self::ALL_FOLDS.iter().chain([&Self::Variance, &Self::Skipped]);
-        let mut known = known.filter(|side| side.to_string() == name);
+        let mut known = Self::known().filter(|side| side.to_string() == name);
         Ok(known.next().cloned().unwrap_or_else(|| Self::Other(name.to_owned())))
     }
 }
@@ -95,8 +123,8 @@ mod tests {
     #[test]
     fn names_are_read_as_they_are_written() {
         let other = Side::Other("fold4".into());
-        for side in Side::ALL_FOLDS.iter().chain([&Side::Variance, &Side::Skipped, &other]) {
-            assert_eq!(side.to_string().parse().as_ref(), Ok(side));
+        for side in Side::known().cloned().chain([other]) {
+            assert_eq!(side.to_string().parse(), Ok(side));
         }
         assert_eq!("fold2".parse(), Ok(Side::Fold(2)));
         assert_eq!("fold02".parse(), Ok(Side::Other("fold02".into())));

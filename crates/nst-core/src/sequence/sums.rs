@@ -9,8 +9,10 @@ pub const FOLDS: usize = 4;
 pub struct LaneSums {
     /// Σy of each fold. Σy of all samples is their sum, added in this order.
     pub folds: [f64; FOLDS],
-    /// Σy² of all samples.
-    pub squares: f64,
+    /// Σ√y of each fold, by [`root`].
+    pub roots: [f64; FOLDS],
+    /// Σy² of each fold.
+    pub squares: [f64; FOLDS],
 }
 
 #[allow(unsafe_code)]
@@ -22,16 +24,24 @@ impl LaneSums {
     /// all others.
     #[inline]
     pub fn add(&mut self, index: u32, sample: f64) {
-        self.folds[index as usize % FOLDS] += sample;
-        self.squares += sample * sample;
+        let fold = index as usize % FOLDS;
+        self.folds[fold] += sample;
+        self.roots[fold] += root(sample);
+        self.squares[fold] += sample * sample;
+    }
+
+    /// The sums of the folds, of their roots and of their squares, in the order of
+    /// [`Side::OF_FOLDS`](super::Side::OF_FOLDS).
+    #[must_use]
+    pub fn of_folds(&self) -> [&[f64; FOLDS]; 3] {
+        [&self.folds, &self.roots, &self.squares]
     }
 
     /// Σy of all samples.
     #[inline]
     #[must_use]
     pub fn total(&self) -> f64 {
-        let [a, b, c, d] = self.folds;
-        a + b + c + d
+        sum(self.folds)
     }
 
     /// The variance of S_n, for n ≥ 2; infinite where a sum is not finite, as nothing is
@@ -39,14 +49,26 @@ impl LaneSums {
     #[must_use]
     pub fn variance(&self, n: u32) -> f32 {
         // (Σy² − (Σy)²/n) / (n (n − 1)); rounding may take it below zero.
-        let (n, sum) = (f64::from(n), self.total());
-        let deviations = self.squares - sum * sum / n;
+        let (n, total) = (f64::from(n), self.total());
+        let deviations = sum(self.squares) - total * total / n;
         if deviations.is_finite() {
             (deviations.max(0.0) / (n * (n - 1.0))) as f32
         } else {
             f32::INFINITY
         }
     }
+}
+
+fn sum([a, b, c, d]: [f64; FOLDS]) -> f64 {
+    a + b + c + d
+}
+
+/// √y, and −√−y for a negative y. As the second moment of √y is Σ|y|, two sums give both the
+/// mean and the variance of samples that are closer to normal than y.
+#[inline]
+#[must_use]
+pub fn root(y: f64) -> f64 {
+    y.abs().sqrt().copysign(y)
 }
 
 /// How many of a lane's n samples are in a fold, a number below [`FOLDS`].
@@ -75,7 +97,10 @@ mod tests {
         // 1, 2, 3, 4, 5: the variance of the samples is 2.5, of their mean 0.5.
         let mut sums = LaneSums::default();
         (0..5).for_each(|i| sums.add(i, f64::from(i + 1)));
-        assert_eq!(sums, LaneSums { folds: [6.0, 2.0, 3.0, 4.0], squares: 55.0 });
+        let squares = [26.0, 4.0, 9.0, 16.0];
+        let roots = [1.0 + 5.0_f64.sqrt(), 2.0_f64.sqrt(), 3.0_f64.sqrt(), 2.0];
+        assert_eq!(sums, LaneSums { folds: [6.0, 2.0, 3.0, 4.0], roots, squares });
+        assert_eq!([root(-4.0), root(0.0), root(9.0)], [-2.0, 0.0, 3.0]);
         assert_eq!((sums.total(), sums.variance(5)), (15.0, 0.5));
     }
 

@@ -155,8 +155,12 @@ impl Packer {
         match self.pack {
             Pack::Estimates(_) => Vec::new(),
             Pack::Samples(_) => {
-                let folds = Side::ALL_FOLDS.iter().filter(|_| count >= FOLDS).cloned();
-                folds.chain((count >= 2).then_some(Side::Variance)).collect()
+                let of_folds = Side::OF_FOLDS.into_iter().flatten();
+                of_folds
+                    .filter(|_| count >= FOLDS)
+                    .cloned()
+                    .chain((count >= 2).then_some(Side::Variance))
+                    .collect()
             }
         }
     }
@@ -199,10 +203,7 @@ impl Packer {
         let mut batch = SequenceBatch::new(terms, self.sample_counts.clone())?;
         batch.set_grid(grid)?;
         for side in self.sides() {
-            let values = match side {
-                Side::Fold(fold) => moments.fold(usize::from(fold)),
-                _ => moments.variance(),
-            };
+            let values = moments.of_fold(&side).unwrap_or_else(|| moments.variance());
             batch.set_side(side, values)?;
         }
         Ok(batch)
@@ -281,7 +282,9 @@ mod tests {
         let mut packer = Packer::new(open(&paths, None)?, Pack::Samples(4))?;
         assert_eq!(packer.sample_counts(), [4, 8, 12, 16, 20, 24]);
         let names: Vec<_> = packer.sides().iter().map(Side::to_string).collect();
-        assert_eq!(names, ["fold0", "fold1", "fold2", "fold3", "Variance"]);
+        let of_folds = ["fold", "root", "square"].into_iter();
+        let of_folds = of_folds.flat_map(|kind| (0..4).map(move |fold| format!("{kind}{fold}")));
+        assert!(names.into_iter().eq(of_folds.chain(["Variance".to_owned()])));
         assert!(packer.strips().eq(std::iter::once(0..40)));
         let batch = packer.read(16..19)?;
         assert_eq!(batch.lanes(), 3 * 3 * 5);
@@ -300,6 +303,10 @@ mod tests {
                 mean(&[samples[1], samples[5]]),
             );
             close(batch.side(&Side::Fold(3)).expect("a fold")[lane], samples[3]);
+            let roots = (samples[1].sqrt() + samples[5].sqrt()) / 2.0;
+            close(batch.side(&Side::Root(1)).expect("roots")[lane], roots);
+            let squares = (samples[1].powi(2) + samples[5].powi(2)) / 2.0;
+            close(batch.side(&Side::Square(1)).expect("squares")[lane], squares);
         }
         packer.read(0..16)?;
         assert_eq!(packer.finish()?, []);

@@ -1,6 +1,6 @@
 //! Running means, folds and variance of pictures that come one after the other.
 
-use nst_core::FOLDS;
+use nst_core::{FOLDS, Side, root};
 
 /// Sums over pictures by lane, in f64. Values that are not finite are left out: their true
 /// values are not known, and one of them would spoil the sums.
@@ -15,16 +15,21 @@ pub(super) struct Moments {
 /// The finite values of a fold, by lane.
 struct Fold {
     sum: Vec<f64>,
+    /// The sums of the roots and of the squares.
+    roots: Vec<f64>,
+    squares: Vec<f64>,
     count: Vec<u32>,
 }
 
 impl Moments {
     /// What is kept of each lane.
     pub(super) const BYTES_PER_LANE: usize =
-        FOLDS * (size_of::<f64>() + size_of::<u32>()) + size_of::<f64>();
+        FOLDS * (3 * size_of::<f64>() + size_of::<u32>()) + size_of::<f64>();
 
     pub(super) fn new(lanes: usize) -> Self {
-        let fold = |_| Fold { sum: vec![0.0; lanes], count: vec![0; lanes] };
+        let zeros = || vec![0.0; lanes];
+        let fold =
+            |_| Fold { sum: zeros(), roots: zeros(), squares: zeros(), count: vec![0; lanes] };
         Self { pictures: 0, folds: std::array::from_fn(fold), deviations: vec![0.0; lanes] }
     }
 
@@ -36,6 +41,8 @@ impl Moments {
                 let before = self.mean(lane);
                 let fold = &mut self.folds[self.pictures % FOLDS];
                 fold.sum[lane] += value;
+                fold.roots[lane] += root(value);
+                fold.squares[lane] += value * value;
                 fold.count[lane] += 1;
                 if self.count(lane) > 1.0 {
                     self.deviations[lane] += (value - before) * (value - self.mean(lane));
@@ -56,10 +63,18 @@ impl Moments {
         self.folds.iter().map(|fold| fold.sum[lane]).sum::<f64>() / self.count(lane)
     }
 
-    /// The means of a fold, NaN where it has no finite value.
-    pub(super) fn fold(&self, fold: usize) -> Vec<f32> {
-        let Fold { sum, count } = &self.folds[fold];
-        sum.iter().zip(count).map(|(sum, count)| (sum / f64::from(*count)) as f32).collect()
+    /// The mean that a side channel of a fold is, NaN where the fold has no finite value;
+    /// `None` for other side channels.
+    pub(super) fn of_fold(&self, side: &Side) -> Option<Vec<f32>> {
+        let (fold, sums): (_, fn(&Fold) -> &Vec<f64>) = match side {
+            Side::Fold(fold) => (fold, |fold| &fold.sum),
+            Side::Root(fold) => (fold, |fold| &fold.roots),
+            Side::Square(fold) => (fold, |fold| &fold.squares),
+            _ => return None,
+        };
+        let fold = &self.folds[usize::from(*fold)];
+        let mean = |(sum, count): (&f64, &u32)| (sum / f64::from(*count)) as f32;
+        Some(sums(fold).iter().zip(&fold.count).map(mean).collect())
     }
 
     /// The estimated variance of the mean of all R pictures: Σ (x − x̄)² / (R (R − 1));
@@ -95,8 +110,9 @@ mod tests {
         let last = &terms[16..];
         assert_eq!(last, [3.2, 3.5, 3.75, 4.0]);
         assert!(terms[2].is_nan(), "nothing is known after the first picture");
-        assert_eq!((moments.fold(0)[1], moments.fold(0)[2]), (3.5, 6.0));
-        assert!(moments.fold(1)[1].is_nan(), "its only value was infinite");
+        let mean = |fold: u8| moments.of_fold(&Side::Fold(fold)).expect("the mean of a fold");
+        assert_eq!((mean(0)[1], mean(0)[2]), (3.5, 6.0));
+        assert!(mean(1)[1].is_nan(), "its only value was infinite");
         // 1, 3, 4, 6: squared deviations of 13 in all, over 4 · 3.
         let variance = moments.variance();
         assert!((f64::from(variance[1]) - 13.0 / 12.0).abs() < 1e-6, "{}", variance[1]);

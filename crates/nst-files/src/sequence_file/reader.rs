@@ -75,10 +75,11 @@ impl SequenceReader {
             Some(Attribute::F32(seconds)) if seconds.is_finite() && seconds > 0.0 => seconds,
             _ => 0.0,
         };
-        let resume = header.resume()?;
-
         let channels = Channels::of(path, &rows);
         let model = channels.model();
+        // Early files lack some of the sums with which a rendering is continued.
+        let has_sums = channels.has_layer("state.square0.hi", model);
+        let resume = header.resume()?.filter(|_| has_sums);
         let terms = channels.terms(model, &sample_counts)?;
         let (names, sides): (Vec<_>, _) =
             channels.sides(model, &sample_counts)?.into_iter().unzip();
@@ -200,9 +201,8 @@ impl Strips for SequenceReader {
 fn check_resumable(info: &SequenceInfo) -> Result<(), String> {
     let Some(resume) = &info.resume else { return Ok(()) };
     let n = info.samples();
-    let needed = Side::ALL_FOLDS.iter().filter(|_| n as usize >= FOLDS);
-    let needed = needed.chain((n >= 2).then_some(&Side::Variance));
-    if let Some(side) = needed.into_iter().find(|&side| !info.sides.contains(side)) {
+    let mut needed = Side::OF_FOLDS.into_iter().flatten().filter(|_| n as usize >= FOLDS);
+    if let Some(side) = needed.find(|&side| !info.sides.contains(side)) {
         return Err(format!(
             "layer '{side}' is missing, without which its state cannot be read; without \
              attribute 'nst.keep' it is a sequence that cannot be continued"
@@ -232,6 +232,11 @@ impl<'a> Channels<'a> {
     fn model(&self) -> ColorModel {
         let has = |name| self.by_name.contains_key(name);
         if has("R") || !has("Y") { ColorModel::Rgb } else { ColorModel::Mono }
+    }
+
+    fn has_layer(&self, layer: &str, model: ColorModel) -> bool {
+        let mut names = model.channels().iter().map(|channel| channel_name(layer, channel));
+        names.all(|name| self.by_name.contains_key(&name))
     }
 
     fn find(&self, name: &str, kind: SampleType) -> Result<usize, Error> {
@@ -328,9 +333,18 @@ impl Header<'_> {
         })
     }
 
-    /// Fails unless the file has all folds or none, and `nst.folds` says which.
+    /// Fails unless the file has all folds or none, and `nst.folds` says which; and roots and
+    /// squares of all folds, or of none.
     fn check_folds(&self, info: &SequenceInfo) -> Result<(), Error> {
-        let folds = info.sides.iter().filter(|side| matches!(side, Side::Fold(_))).count();
+        let count = |all: &[Side]| all.iter().filter(|side| info.sides.contains(side)).count();
+        let [folds, roots, squares] = Side::OF_FOLDS.map(|sides| count(sides));
+        if ![0, folds].contains(&roots) || squares != roots {
+            let message = format!(
+                "it has {folds} layers 'fold…', {roots} 'root…' and {squares} 'square…'; it needs \
+                 {FOLDS} of each, or none"
+            );
+            return Err(Error::malformed(self.path, message));
+        }
         if self.text("nst.folds")? != folds.to_string() || ![0, FOLDS].contains(&folds) {
             let message = format!(
                 "attribute 'nst.folds' must be the number of its folds ({folds}), 0 or {FOLDS}"

@@ -1,9 +1,9 @@
 //! The f64 sums of a rendering as pairs of UINT channels, without loss.
 //!
-//! A sum is a layer of its own: `state.fold0` … `state.fold3` and `state.squares`. `lo`
-//! contains the lower 32 bits of the number. The fold mean or the variance in the same file
-//! predicts its upper 32 bits almost exactly, so `hi` contains only their difference (mod
-//! 2³²) from the prediction: mostly zeros, which compress well.
+//! A sum is a layer of its own: `state.fold0` … `state.fold3` for Σy, `state.root0` … for Σ√y,
+//! and `state.square0` … for Σy². `lo` contains the lower 32 bits of the number. The fold's mean
+//! in the same file predicts its upper 32 bits almost exactly, so `hi` contains only their
+//! difference (mod 2³²) from the prediction: mostly zeros, which compress well.
 
 use exr::prelude::SampleType;
 
@@ -11,15 +11,13 @@ use nst_core::{FOLDS, LaneSums, SequenceBatch, Side, fold_count};
 
 use crate::{ColorModel, layers::channel_name, rows::Channel};
 
-/// The number of sums of a lane: one for each fold, and one of the squares.
-pub(super) const SUMS: usize = FOLDS + 1;
+/// The number of sums of a lane.
+pub(super) const SUMS: usize = Side::OF_FOLDS.len() * FOLDS;
 
 /// The UINT channels: for each sum `hi` and `lo`, each with the channels of `model`.
 pub(super) fn channels(model: ColorModel) -> Vec<Channel> {
-    let folds = Side::ALL_FOLDS.iter().map(|fold| format!("state.{fold}"));
-    folds
-        .chain(["state.squares".to_owned()])
-        .flat_map(|sum| [format!("{sum}.hi"), format!("{sum}.lo")])
+    let sums = Side::OF_FOLDS.into_iter().flatten().map(|side| format!("state.{side}"));
+    sums.flat_map(|sum| [format!("{sum}.hi"), format!("{sum}.lo")])
         .flat_map(|layer| {
             model
                 .channels()
@@ -33,38 +31,44 @@ pub(super) fn channels(model: ColorModel) -> Vec<Channel> {
 #[derive(Clone, Copy)]
 pub(super) struct Known {
     pub(super) n: u32,
-    /// The fold means; zeros if there are none.
-    pub(super) means: [f32; FOLDS],
+    /// The means of the folds, `[sum]`; zeros if there are none.
+    pub(super) means: [f32; SUMS],
     /// The variance of S_n; zero if there is none.
     pub(super) variance: f32,
 }
 
 impl Known {
-    fn fold(&self, fold: usize) -> f64 {
-        predictable(f64::from(self.means[fold]) * fold_count(fold, self.n))
-    }
-
-    /// Σy² = Var[S_n] n (n − 1) + (Σy)²/n.
-    fn squares(&self, sum: f64) -> f64 {
-        let n = f64::from(self.n);
-        predictable(f64::from(self.variance) * n * (n - 1.0) + sum * sum / n)
-    }
-
-    /// The `hi` and `lo` of the folds, then of the squares.
-    pub(super) fn split(&self, sums: &LaneSums) -> [[u32; 2]; SUMS] {
-        std::array::from_fn(|sum| match sums.folds.get(sum) {
-            Some(&fold) => split(fold, self.fold(sum)),
-            None => split(sums.squares, self.squares(sums.total())),
+    /// What the means predict for the sums. A prediction must have the same bits on every
+    /// machine: those of a NaN may differ, so 0 takes its place.
+    fn predicted(&self) -> [f64; SUMS] {
+        std::array::from_fn(|sum| {
+            let predicted = f64::from(self.means[sum]) * fold_count(sum % FOLDS, self.n);
+            if predicted.is_nan() { 0.0 } else { predicted }
         })
+    }
+
+    /// The `hi` and `lo` of the sums.
+    pub(super) fn split(&self, sums: &LaneSums) -> [[u32; 2]; SUMS] {
+        let (sums, predicted) = (flat(sums), self.predicted());
+        std::array::from_fn(|sum| split(sums[sum], predicted[sum]))
     }
 
     /// The inverse of [`Known::split`].
     pub(super) fn join(&self, words: [[u32; 2]; SUMS]) -> LaneSums {
-        let folds = std::array::from_fn(|fold| join(words[fold], self.fold(fold)));
-        let mut sums = LaneSums { folds, squares: 0.0 };
-        sums.squares = join(words[FOLDS], self.squares(sums.total()));
-        sums
+        let predicted = self.predicted();
+        let of_kind = |kind: usize| {
+            std::array::from_fn(|fold| {
+                let sum = kind * FOLDS + fold;
+                join(words[sum], predicted[sum])
+            })
+        };
+        LaneSums { folds: of_kind(0), roots: of_kind(1), squares: of_kind(2) }
     }
+}
+
+/// The sums of a lane in the order of [`Side::OF_FOLDS`].
+fn flat(sums: &LaneSums) -> [f64; SUMS] {
+    std::array::from_fn(|sum| sums.of_folds()[sum / FOLDS][sum % FOLDS])
 }
 
 /// How far a sum may be, relatively, from the 32-bit float that the file has of it: 2⁻²⁴ by
@@ -83,13 +87,13 @@ pub(super) fn agree(sums: &LaneSums, last: f32, known: &Known) -> bool {
             || !(a.is_finite() || b.is_finite())
     };
     let n = f64::from(known.n);
-    let folds_agree = sums.folds.iter().zip(known.means).enumerate().all(|(fold, (sum, mean))| {
-        let count = fold_count(fold, known.n);
+    let folds_agree = flat(sums).iter().zip(known.means).enumerate().all(|(i, (sum, mean))| {
+        let count = fold_count(i % FOLDS, known.n);
         known.n < FOLDS as u32 || close(sum / count, mean, (sum / count).abs())
     });
     let mean = sums.total() / n;
     let scale = sums.folds.iter().map(|sum| sum.abs()).sum::<f64>() / n;
-    let spread = sums.squares / (n * (n - 1.0)).max(1.0);
+    let spread = sums.squares.iter().sum::<f64>() / (n * (n - 1.0)).max(1.0);
     let variance = f64::from(sums.variance(known.n));
     folds_agree
         && close(mean, last, scale)
@@ -99,7 +103,7 @@ pub(super) fn agree(sums: &LaneSums, last: f32, known: &Known) -> bool {
 /// What a batch says about each lane beside its terms.
 pub(super) struct KnownLanes<'a> {
     n: u32,
-    folds: [Option<&'a [f32]>; FOLDS],
+    means: [Option<&'a [f32]>; SUMS],
     variance: Option<&'a [f32]>,
 }
 
@@ -107,21 +111,15 @@ impl<'a> KnownLanes<'a> {
     pub(super) fn new(batch: &'a SequenceBatch) -> Self {
         Self {
             n: batch.sample_counts().last().copied().unwrap_or_default(),
-            folds: Side::ALL_FOLDS.each_ref().map(|fold| batch.side(fold)),
+            means: std::array::from_fn(|sum| batch.side(&Side::OF_FOLDS[sum / FOLDS][sum % FOLDS])),
             variance: batch.side(&Side::Variance),
         }
     }
 
     pub(super) fn lane(&self, lane: usize) -> Known {
         let value = |side: Option<&[f32]>| side.map_or(0.0, |values| values[lane]);
-        Known { n: self.n, means: self.folds.map(value), variance: value(self.variance) }
+        Known { n: self.n, means: self.means.map(value), variance: value(self.variance) }
     }
-}
-
-/// A prediction must have the same bits on every machine. Those of a NaN may differ, so 0
-/// takes its place.
-fn predictable(prediction: f64) -> f64 {
-    if prediction.is_nan() { 0.0 } else { prediction }
 }
 
 fn upper(number: f64) -> u32 {
@@ -143,33 +141,38 @@ mod tests {
 
     use super::*;
 
+    /// The means that a file has of sums of n samples.
+    fn means(sums: &LaneSums, n: u32) -> [f32; SUMS] {
+        let sums = flat(sums);
+        std::array::from_fn(|sum| (sums[sum] / fold_count(sum % FOLDS, n)) as f32)
+    }
+
+    fn unflat(sums: [f64; SUMS]) -> LaneSums {
+        let of_kind = |kind: usize| std::array::from_fn(|fold| sums[kind * FOLDS + fold]);
+        LaneSums { folds: of_kind(0), roots: of_kind(1), squares: of_kind(2) }
+    }
+
     #[test]
     fn sums_that_contradict_the_file_are_seen() {
         let mut sums = LaneSums::default();
         (0..16).for_each(|i| sums.add(i, f64::from(i % 5) + 0.1));
-        let means = std::array::from_fn(|f| (sums.folds[f] / fold_count(f, 16)) as f32);
-        let known = Known { n: 16, means, variance: sums.variance(16) };
+        let known = Known { n: 16, means: means(&sums, 16), variance: sums.variance(16) };
         let last = (sums.total() / 16.0) as f32;
         assert!(agree(&sums, last, &known));
         // As after a copy by a program that stores integers as 32-bit floats.
         let lossy = |x: f64| f64::from_bits((x.to_bits() & !0 << 9) + (1 << 32));
-        let copied = LaneSums { folds: sums.folds.map(lossy), squares: lossy(sums.squares) };
-        assert!(agree(&copied, last, &known));
-        let scaled = |i: usize, factor: f64| {
-            let mut wrong = sums;
-            match wrong.folds.get_mut(i) {
-                Some(fold) => *fold *= factor,
-                None => wrong.squares *= factor,
-            }
-            wrong
-        };
+        assert!(agree(&unflat(flat(&sums).map(lossy)), last, &known));
         for i in 0..SUMS {
-            assert!(!agree(&scaled(i, 1.001), last, &known), "sum {i}");
-            assert!(!agree(&scaled(i, f64::NAN), last, &known), "sum {i}");
+            for factor in [1.001, f64::NAN] {
+                let mut wrong = flat(&sums);
+                wrong[i] *= factor;
+                assert!(!agree(&unflat(wrong), last, &known), "sum {i}");
+            }
         }
         assert!(!agree(&sums, 1.001 * last, &known));
         assert!(!agree(&sums, last, &Known { n: 17, ..known }));
-        assert!(!agree(&sums, last, &Known { means: [f32::NAN; FOLDS], ..known }));
+        assert!(!agree(&sums, last, &Known { means: [f32::NAN; SUMS], ..known }));
+        assert!(!agree(&sums, last, &Known { variance: 1.001 * known.variance, ..known }));
     }
 
     proptest! {
@@ -177,15 +180,12 @@ mod tests {
         #[test]
         fn no_bit_is_lost(
             n in 1..u32::MAX,
-            bits in prop::array::uniform5(any::<u64>()),
-            known in prop::array::uniform5(any::<u32>()),
+            bits in prop::array::uniform12(any::<u64>()),
+            known in prop::array::uniform12(any::<u32>()),
         ) {
-            let [a, b, c, d, squares] = bits.map(f64::from_bits);
-            let [e, f, g, h, variance] = known.map(f32::from_bits);
-            let known = Known { n, means: [e, f, g, h], variance };
-            let again = known.join(known.split(&LaneSums { folds: [a, b, c, d], squares }));
-            let [a, b, c, d] = again.folds;
-            prop_assert_eq!([a, b, c, d, again.squares].map(f64::to_bits), bits);
+            let known = Known { n, means: known.map(f32::from_bits), variance: 0.0 };
+            let again = known.join(known.split(&unflat(bits.map(f64::from_bits))));
+            prop_assert_eq!(flat(&again).map(f64::to_bits), bits);
         }
 
         /// The prediction is off by a carry at most.
@@ -194,8 +194,7 @@ mod tests {
             let mut sums = LaneSums::default();
             (0..).zip(&samples).for_each(|(i, &y)| sums.add(i, f64::from(y)));
             let n = samples.len() as u32;
-            let means = std::array::from_fn(|f| (sums.folds[f] / fold_count(f, n)) as f32);
-            let known = Known { n, means, variance: sums.variance(n) };
+            let known = Known { n, means: means(&sums, n), variance: sums.variance(n) };
             for [hi, _] in known.split(&sums) {
                 prop_assert!(hi.wrapping_add(1) <= 2, "{hi}");
             }

@@ -61,7 +61,7 @@ impl SequenceFile {
         let mut terms = Vec::new();
         reserve(path, &mut terms, info.sample_counts.len(), grid.lanes())?;
         // Folds and variance follow from the sums.
-        let wanted = |side: &Side| with_sides || !matches!(side, Side::Fold(_) | Side::Variance);
+        let wanted = |side: &Side| with_sides || !side.is_of_fold() && *side != Side::Variance;
         let mut sides: Vec<(Side, Vec<f32>)> =
             info.sides.iter().filter(|side| wanted(side)).map(|s| (s.clone(), vec![])).collect();
         for (side, values) in &mut sides {

@@ -42,7 +42,7 @@ pub(crate) fn open(path: &Path) -> Result<Resumed, Error> {
         }
         _ => Err(Error::Usage(format!(
             "--resume '{}': it does not contain the sums of its samples, as 'nst render --sequence' stores them; \
-             packed and merged sequences cannot be continued",
+             packed and merged sequences, and those of early versions, cannot be continued",
             path.display()
         ))),
     }
