@@ -31,6 +31,7 @@ mod compact;
 mod error;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod guard;
 pub mod halves;
 pub mod methods;
 pub mod metrics;

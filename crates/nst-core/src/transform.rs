@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use crate::{Error, SequenceBatch, Side, Strips, Whole};
+use crate::{Error, SequenceBatch, Side, Strips, Whole, guard::Judgement};
 
 /// A method that maps each sequence of a batch to one estimate of its limit.
 ///
@@ -40,11 +40,20 @@ pub trait Fitted: Send + Sync {
     /// # Errors
     /// Only for what concerns all lanes, such as a lost GPU.
     fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error>;
+
+    /// What a method that measures its own gain has found.
+    fn judgement(&self) -> Option<&Judgement> {
+        None
+    }
 }
 
 impl<F: Fitted + ?Sized> Fitted for &F {
     fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
         (**self).apply(strip, out)
+    }
+
+    fn judgement(&self) -> Option<&Judgement> {
+        (**self).judgement()
     }
 }
 

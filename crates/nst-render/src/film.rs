@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 
 use ndarray::Array2;
-use nst_core::{FOLDS, Grid, LaneSums, SequenceBatch, Side, fold_count};
-use rayon::prelude::*;
+use nst_core::{Grid, LaneSums, SequenceBatch, Side};
 
 use crate::{
     Error, memory,
@@ -131,19 +130,7 @@ impl Film {
             .expect("a slot has one number per lane");
         let mut batch = SequenceBatch::new(terms, slots.sample_counts(samples))?;
         batch.set_grid(grid)?;
-        if samples as usize >= FOLDS {
-            for (kind, sides) in Side::OF_FOLDS.into_iter().enumerate() {
-                for (fold, side) in sides.iter().enumerate() {
-                    let count = fold_count(fold, samples);
-                    let mean = |lane: &LaneSums| (lane.of_folds()[kind][fold] / count) as f32;
-                    batch.set_side(side.clone(), sums.par_iter().map(mean).collect())?;
-                }
-            }
-        }
-        if samples >= 2 {
-            let variance = sums.par_iter().map(|lane| lane.variance(samples)).collect();
-            batch.set_side(Side::Variance, variance)?;
-        }
+        batch.set_sums(&sums, samples)?;
         if skipped.iter().any(|pixels| !pixels.is_empty()) {
             let mut counts = vec![0.0; grid.pixels()];
             for (tile, pixels) in tiles::tiles(size).zip(&skipped) {

@@ -36,7 +36,7 @@ pub use richardson::Richardson;
 pub use ridge::Ridge;
 pub use theta::BrezinskiTheta;
 
-use crate::Transform;
+use crate::{Transform, guard::Guard};
 
 /// The names that [`method`] knows, and what each is in a few words: classical methods,
 /// then robust and fitted ones.
@@ -55,6 +55,7 @@ pub const METHODS: &[(&str, &str)] = &[
     ("median-of-means", "the median of the means of the four folds"),
     ("gmon", "between the mean and the median of means, by the Gini coefficient"),
     ("reweight", "folds with outliers get less weight"),
+    ("guard", "corrections that samples held out support, learnt from the picture itself"),
     ("ridge", "a regression on the folds, fitted on the picture itself"),
 ];
 
@@ -66,6 +67,7 @@ pub fn method(name: &str) -> Option<Box<dyn Transform>> {
         "median-of-means" => Box::new(MedianOfMeans),
         "gmon" => Box::new(Gmon),
         "reweight" => Box::new(Reweight),
+        "guard" => Box::new(Guard::default()),
         "ridge" => Box::new(Ridge),
         _ => Box::new(extrapolation(name)?),
     })

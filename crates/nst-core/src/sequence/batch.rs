@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use ndarray::{Array2, ArrayView2, s};
+use rayon::prelude::*;
 
-use super::{Extent, Grid, Side};
+use super::{Extent, FOLDS, Grid, LaneSums, Side, fold_count};
 use crate::Error;
 
 /// Progressive estimates of many independent integrals.
@@ -51,7 +52,19 @@ impl SequenceBatch {
         Ok(Self { terms, sample_counts, grid: None, sides: BTreeMap::new() })
     }
 
-    /// Accumulates samples `[sample][lane]` into the running means S_1 … S_N (in f64).
+    /// A batch of one term: the means of this many samples, `[lane]`.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn from_last(means: &[f32], samples: u32) -> Result<Self, Error> {
+        let terms = Array2::from_shape_vec((1, means.len()), means.to_vec())
+            .map_err(|error| Error::Batch(error.to_string()))?;
+        Self::new(terms, vec![samples])
+    }
+
+    /// Accumulates samples `[sample][lane]` into the running means S_1 … S_N (in f64), with the
+    /// side channels that a rendering has: means of folds from four samples on, the variance
+    /// from two on.
     ///
     /// # Errors
     /// [`Error::Batch`] if `samples` is empty or no multiple of `lanes`.
@@ -60,19 +73,43 @@ impl SequenceBatch {
             return Err(Error::Batch(format!("{} samples for {lanes} lanes", samples.len())));
         }
         let rows = samples.len() / lanes;
-        let mut sums = vec![0.0_f64; lanes];
+        let last = u32::try_from(rows)
+            .map_err(|_| Error::Batch(format!("{rows} samples of each lane are too many")))?;
+        let mut sums = vec![LaneSums::default(); lanes];
         let mut terms = Vec::with_capacity(samples.len());
-        for (k, row) in samples.chunks_exact(lanes).enumerate() {
-            for (sum, sample) in sums.iter_mut().zip(row) {
-                *sum += f64::from(*sample);
-                terms.push((*sum / (k + 1) as f64) as f32);
+        for (index, row) in (0..last).zip(samples.chunks_exact(lanes)) {
+            for (sums, sample) in sums.iter_mut().zip(row) {
+                sums.add(index, f64::from(*sample));
+                terms.push((sums.total() / f64::from(index + 1)) as f32);
             }
         }
         let terms = Array2::from_shape_vec((rows, lanes), terms)
             .map_err(|error| Error::Batch(error.to_string()))?;
-        let last = u32::try_from(rows)
-            .map_err(|_| Error::Batch(format!("{rows} samples of each lane are too many")))?;
-        Self::new(terms, (1..=last).collect())
+        let mut batch = Self::new(terms, (1..=last).collect())?;
+        batch.set_sums(&sums, last)?;
+        Ok(batch)
+    }
+
+    /// Sets the side channels that follow from the sums of n samples of each lane: the means of
+    /// the folds if n ≥ 4, the variance if n ≥ 2.
+    ///
+    /// # Errors
+    /// [`Error::Batch`] if there is another number of lanes.
+    pub fn set_sums(&mut self, sums: &[LaneSums], n: u32) -> Result<(), Error> {
+        if n as usize >= FOLDS {
+            for (kind, sides) in Side::OF_FOLDS.into_iter().enumerate() {
+                for (fold, side) in sides.iter().enumerate() {
+                    let count = fold_count(fold, n);
+                    let mean = |lane: &LaneSums| (lane.of_folds()[kind][fold] / count) as f32;
+                    self.set_side(side.clone(), sums.par_iter().map(mean).collect())?;
+                }
+            }
+        }
+        if n >= 2 {
+            let variance = sums.par_iter().map(|lane| lane.variance(n)).collect();
+            self.set_side(Side::Variance, variance)?;
+        }
+        Ok(())
     }
 
     /// The number of sequences.

@@ -1,0 +1,294 @@
+//! The guard: blends any estimates with the plain one, and measures what that gains, without a
+//! reference.
+//!
+//! The samples of a lane are in four folds. Without fold j, an expert E gives E_j, and the
+//! plain mean of the same samples is S_j. The mean h_j of the fold held out has the
+//! expectation I, and is independent of both. So for lanes that are alike, with the changes
+//! d_j = E_j − S_j of all experts,
+//!
+//! ```text
+//! A = Σ d_j d_jᵀ,   b = Σ d_j (h_j − S_j),   E[b] = E[Σ d_j (I − S_j)],
+//! ```
+//!
+//! and the weights w = argmin wᵀA w − 2 bᵀw, w ≥ 0, Σw ≤ 1 estimate the best blend T = S + Σ w
+//! (E − S), where E and S see all folds. An expert with the bias β beside S of the variance V
+//! gets a weight of about V/(V + β²): much at few samples, nothing at many, so that T
+//! converges with S whatever the experts do.
+//!
+//! Lanes are alike if their brightness is. Pixels are split as on a chessboard: what is learnt
+//! from one half is applied to the other, so that the same sums say what T gains there.
+
+mod hats;
+mod judge;
+mod regression;
+mod sample;
+mod seen;
+mod simplex;
+mod table;
+mod view;
+mod weights;
+
+use rayon::prelude::*;
+
+pub use judge::Judgement;
+use judge::judge;
+use regression::Regression;
+use sample::{GROUPS, LaneMeans, Sample, counts, sides};
+pub use seen::{Expert, OfTransform, Seen};
+use simplex::MOST;
+use table::Table;
+use view::{Numbers, View};
+use weights::{Changes, Weights, strata};
+
+use crate::{
+    Error, Estimates, FOLDS, Fitted, Requirements, SequenceBatch, Side, Status, Strips, Support,
+    Transform,
+};
+
+/// Lanes per task of the thread pool when estimates are made.
+const CHUNK: usize = 4096;
+
+/// What the guard calls the experts that learn from the batch itself.
+const CORRECTIONS: [&str; 2] = ["regression", "table"];
+
+/// Blends the plain estimate with experts as far as samples that were held out support it.
+/// Two more experts, a regression and a table of corrections, are learnt from the batch itself.
+#[derive(Default)]
+pub struct Guard {
+    experts: Vec<Box<dyn Expert>>,
+}
+
+/// A [`Guard`] that has measured its experts on a batch.
+pub struct FittedGuard<'a> {
+    experts: Vec<&'a dyn Expert>,
+    /// `None` if nothing can be held out.
+    learnt: Option<Learnt>,
+    judgement: Judgement,
+}
+
+/// An expert that learns from the batch, half by half.
+trait Correction: Send + Sync {
+    /// The change of a lane whose pixel is in this half, learnt from the other half.
+    fn change(&self, view: &View, numbers: &Numbers, half: usize) -> f64;
+}
+
+struct Learnt {
+    corrections: [Box<dyn Correction>; CORRECTIONS.len()],
+    weights: Weights,
+    /// The mean of |S| over all lanes.
+    unit: f64,
+}
+
+impl Guard {
+    /// A guard over these experts and those that learn from the batch.
+    ///
+    /// # Errors
+    /// [`Error::Batch`] if there are too many.
+    pub fn new(experts: Vec<Box<dyn Expert>>) -> Result<Self, Error> {
+        const MOST_EXPERTS: usize = MOST - CORRECTIONS.len();
+        if experts.len() > MOST_EXPERTS {
+            let message =
+                format!("{} experts; at most {MOST_EXPERTS} can be blended", experts.len());
+            return Err(Error::Batch(message));
+        }
+        Ok(Self { experts })
+    }
+
+    /// As [`Transform::fit`], with what the guard has found.
+    ///
+    /// # Errors
+    /// Those of `strips`.
+    pub fn measure<'a>(&'a self, strips: &mut dyn Strips) -> Result<FittedGuard<'a>, Error> {
+        let plain = |why: &str| FittedGuard {
+            experts: Vec::new(),
+            learnt: None,
+            judgement: Judgement::plain(why),
+        };
+        let Some(sample) = Sample::take(strips)? else {
+            return Ok(plain(
+                "the sequence has no statistics of folds, so nothing can be held out",
+            ));
+        };
+        if sample.counts.contains(&0.0) {
+            return Ok(plain("there are fewer than four samples, so nothing can be held out"));
+        }
+        if !sample.units.iter().all(|unit| *unit > 0.0 && unit.is_finite()) {
+            return Ok(plain("all estimates are 0"));
+        }
+        let views: Vec<View> = (0..=GROUPS)
+            .into_par_iter()
+            .map(|group| View::new(&sample.lanes, &sample.counts, group, sample.units[group]))
+            .collect();
+        let held_out = &views[..GROUPS];
+        let missing = missing(&sample, held_out);
+        let corrections: [Box<dyn Correction>; CORRECTIONS.len()] = [
+            Box::new(Regression::fit(&sample, held_out, &missing)),
+            Box::new(Table::fit(&sample, held_out, &missing)),
+        ];
+        let mut changes: Vec<Vec<Vec<f32>>> = corrections
+            .iter()
+            .map(|learnt| {
+                views.iter().map(|view| learnt_change(&**learnt, &sample, view)).collect()
+            })
+            .collect();
+        let mut notes = Vec::new();
+        let mut experts: Vec<&dyn Expert> = Vec::new();
+        for expert in &self.experts {
+            match views.iter().map(|view| change(&**expert, view)).collect() {
+                Ok(found) => {
+                    experts.push(&**expert);
+                    changes.push(found);
+                }
+                Err(error) => notes.push(format!("'{}' is left out: {error}", expert.name())),
+            }
+        }
+        let changes = Changes { sample: &sample, views: &views, missing: &missing, changes };
+        let weights = Weights::fit(&changes);
+        let names = CORRECTIONS.into_iter().chain(experts.iter().map(|expert| expert.name()));
+        let judgement = judge(&changes, &weights, names.map(str::to_owned).collect(), notes);
+        let learnt = Learnt { corrections, weights, unit: sample.units[GROUPS] };
+        Ok(FittedGuard { experts, learnt: Some(learnt), judgement })
+    }
+}
+
+/// The means of the groups held out minus the plain estimates of the others, `[group][lane]`.
+fn missing(sample: &Sample, views: &[View]) -> Vec<Vec<f32>> {
+    let of_group = |(group, view): (usize, &View)| {
+        let lanes = sample.lanes.iter().zip(&view.mean);
+        lanes.map(|(lane, mean)| lane[0][group] - mean).collect()
+    };
+    views.par_iter().enumerate().map(of_group).collect()
+}
+
+/// What an expert changes, 0 where that is not finite.
+fn change(expert: &dyn Expert, view: &View) -> Result<Vec<f32>, Error> {
+    let mut estimates = vec![0.0; view.mean.len()];
+    expert.estimate(&view.seen(), &mut estimates)?;
+    for (estimate, mean) in estimates.iter_mut().zip(&view.mean) {
+        let change = *estimate - mean;
+        *estimate = if change.is_finite() { change } else { 0.0 };
+    }
+    Ok(estimates)
+}
+
+/// What an expert changes that has learnt from the batch.
+fn learnt_change(learnt: &dyn Correction, sample: &Sample, view: &View) -> Vec<f32> {
+    let change = |lane: usize| {
+        let half = sample.pixels[lane / sample.channels].half;
+        learnt.change(view, &view.numbers(lane), half) as f32
+    };
+    (0..view.mean.len()).into_par_iter().map(change).collect()
+}
+
+impl FittedGuard<'_> {
+    /// What was found out about the experts.
+    #[must_use]
+    pub fn judgement(&self) -> &Judgement {
+        &self.judgement
+    }
+
+    /// The estimates of some lanes.
+    fn estimate(
+        &self,
+        learnt: &Learnt,
+        chunk: &Chunk<'_>,
+        values: &mut [f32],
+        status: &mut [Status],
+    ) -> Result<(), Error> {
+        let Learnt { corrections, weights, unit } = learnt;
+        let mut view = View::new(&chunk.lanes, &chunk.counts, GROUPS, *unit);
+        view.mean.copy_from_slice(chunk.last);
+        let changes = self.experts.iter().map(|expert| change(*expert, &view));
+        let changes = changes.collect::<Result<Vec<_>, _>>()?;
+        for (lane, value) in values.iter_mut().enumerate() {
+            let plain = f64::from(chunk.last[lane]);
+            let half = chunk.half(lane);
+            let numbers = view.numbers(lane);
+            let corrected = corrections.iter().map(|it| it.change(&view, &numbers, half));
+            let mut d = [0.0; MOST];
+            let all = corrected.chain(changes.iter().map(|change| f64::from(change[lane])));
+            d.iter_mut().zip(all).for_each(|(d, change)| *d = change);
+            let w = weights.at(&strata(&view, lane, d[0] as f32), half);
+            let blend = plain + d.iter().zip(w).map(|(d, w)| d * w).sum::<f64>();
+            let finite = chunk.lanes[lane].iter().flatten().all(|x| x.is_finite());
+            if finite && (blend as f32).is_finite() {
+                *value = blend as f32;
+            } else {
+                (*value, status[lane]) = (chunk.last[lane], Status::NotFinite);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Lanes of a strip that follow each other.
+struct Chunk<'a> {
+    strip: &'a SequenceBatch,
+    first: usize,
+    counts: [f64; FOLDS],
+    last: &'a [f32],
+    lanes: Vec<LaneMeans>,
+}
+
+impl Chunk<'_> {
+    /// Which half of the chessboard a lane's pixel is in.
+    fn half(&self, lane: usize) -> usize {
+        let lane = self.first + lane;
+        self.strip.grid().map_or(lane % 2, |grid| {
+            let pixel = lane % grid.pixels();
+            (pixel % grid.width() + pixel / grid.width() + grid.first_row() as usize) % 2
+        })
+    }
+}
+
+impl Transform for Guard {
+    fn requires(&self) -> Requirements {
+        const SIDES: &[Side] = &[
+            Side::Fold(0),
+            Side::Fold(1),
+            Side::Fold(2),
+            Side::Fold(3),
+            Side::Root(0),
+            Side::Root(1),
+            Side::Root(2),
+            Side::Root(3),
+            Side::Square(0),
+            Side::Square(1),
+            Side::Square(2),
+            Side::Square(3),
+        ];
+        Requirements { window: 1, sides: SIDES, support: Support::Lane, fits: true }
+    }
+
+    fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
+        Ok(Box::new(self.measure(strips)?))
+    }
+}
+
+impl Fitted for FittedGuard<'_> {
+    fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
+        let (Some(learnt), Some(sides)) = (&self.learnt, sides(strip)) else {
+            let status = if self.learnt.is_some() { Status::NoFolds } else { Status::Ok };
+            out.fall_back(strip, status);
+            return Ok(());
+        };
+        let (values, status) = out.reset(strip.lanes());
+        let counts = counts(strip.sample_counts());
+        let chunks = values.par_chunks_mut(CHUNK).zip(status.par_chunks_mut(CHUNK));
+        chunks.enumerate().try_for_each(|(number, (values, status))| {
+            let first = number * CHUNK;
+            let range = first..first + values.len();
+            let lane = |lane: usize| sides.map(|folds| folds.map(|fold| fold[lane]));
+            let lanes = range.clone().map(lane).collect();
+            let chunk = Chunk { strip, first, counts, last: &strip.last()[range], lanes };
+            self.estimate(learnt, &chunk, values, status)
+        })
+    }
+
+    fn judgement(&self) -> Option<&Judgement> {
+        Some(&self.judgement)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,175 @@
+//! One pass over a batch: its units, and a sample of its pixels small enough for memory.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use rayon::prelude::*;
+
+use crate::{Error, FOLDS, LANES_PER_BLOCK, SequenceBatch, Side, Strips, fold_count, random::mix};
+
+/// The most pixels that weights are fitted to. Their sums are far from noise then.
+const MOST_PIXELS: usize = 1 << 16;
+
+/// Means of y, √y and y² over each fold of a lane, `[kind][fold]`.
+pub(super) type LaneMeans = [[f32; FOLDS]; 3];
+
+/// Which folds are held out: one, or none.
+pub(super) const GROUPS: usize = FOLDS;
+
+/// Pixels of a batch, with what their lanes' folds say. Without a grid each lane is a pixel.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Sample {
+    /// `[pixel]`, by increasing number
+    pub(super) pixels: Vec<Pixel>,
+    /// `[pixel][channel]`
+    pub(super) lanes: Vec<LaneMeans>,
+    pub(super) channels: usize,
+    /// How many samples are in each fold of a lane.
+    pub(super) counts: [f64; FOLDS],
+    /// The mean of |S| over all lanes of the batch, without each of the groups, and of all.
+    pub(super) units: [f64; GROUPS + 1],
+    /// How many lanes the batch has.
+    pub(super) all_lanes: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Pixel {
+    /// Which half of the chessboard it is in.
+    pub(super) half: usize,
+    hash: u64,
+    number: u64,
+}
+
+/// What a block of lanes contributes.
+#[derive(Default)]
+struct Part {
+    pixels: Vec<Pixel>,
+    lanes: Vec<LaneMeans>,
+    units: [f64; GROUPS + 1],
+    finite: usize,
+}
+
+impl Sample {
+    /// Goes over the strips once. `None` if they lack a side channel of folds.
+    pub(super) fn take(strips: &mut dyn Strips) -> Result<Option<Self>, Error> {
+        strips.rewind(0)?;
+        let mut sample = Self::default();
+        let (mut sums, mut finite) = ([0.0; GROUPS + 1], 0);
+        let limit = AtomicU64::new(u64::MAX);
+        while let Some(strip) = strips.next_strip()? {
+            let strip = &*strip;
+            let Some(sides) = sides(strip) else { return Ok(None) };
+            sample.channels = strip.grid().map_or(1, |grid| grid.channels());
+            sample.counts = counts(strip.sample_counts());
+            let first = sample.all_lanes;
+            let blocks = strip
+                .grid()
+                .map_or_else(|| strip.lanes().div_ceil(LANES_PER_BLOCK), |grid| grid.rows());
+            let parts: Vec<Part> = (0..blocks)
+                .into_par_iter()
+                .map(|block| sample.part(strip, &sides, first, block, &limit))
+                .collect();
+            sample.all_lanes += strip.lanes();
+            for part in parts {
+                sample.pixels.extend(part.pixels);
+                sample.lanes.extend(part.lanes);
+                finite += part.finite;
+                sums.iter_mut().zip(part.units).for_each(|(sum, part)| *sum += part);
+            }
+            sample.thin_out(&limit);
+        }
+        sample.units = sums.map(|sum| sum / finite.max(1) as f64);
+        Ok(Some(sample))
+    }
+
+    /// The pixels of a row, or of a block of lanes.
+    fn part(
+        &self,
+        strip: &SequenceBatch,
+        sides: &[[&[f32]; FOLDS]; 3],
+        first: usize,
+        block: usize,
+        limit: &AtomicU64,
+    ) -> Part {
+        let limit = limit.load(Ordering::Relaxed);
+        let mut part = Part::default();
+        let (pixels, plane) = match strip.grid() {
+            Some(grid) => (grid.width() * block..grid.width() * (block + 1), grid.pixels()),
+            None => {
+                let from = block * LANES_PER_BLOCK;
+                (from..strip.lanes().min(from + LANES_PER_BLOCK), 0)
+            }
+        };
+        for pixel in pixels {
+            let lanes = (0..self.channels).map(|channel| channel * plane + pixel);
+            let lanes = lanes.map(|lane| sides.map(|folds| folds.map(|fold| fold[lane])));
+            let number = (first / self.channels + pixel) as u64;
+            let half = strip.grid().map_or(pixel % 2, |grid| {
+                let (x, y) = (pixel % grid.width(), pixel / grid.width());
+                (x + y + grid.first_row() as usize) % 2
+            });
+            if !lanes.clone().all(|lane| lane.iter().flatten().all(|x| x.is_finite())) {
+                continue;
+            }
+            part.finite += self.channels;
+            for lane in lanes.clone() {
+                for (group, unit) in part.units.iter_mut().enumerate() {
+                    *unit += mean_without(&lane[0], &self.counts, group).abs();
+                }
+            }
+            let hash = mix(number);
+            if hash <= limit {
+                part.pixels.push(Pixel { half, hash, number });
+                part.lanes.extend(lanes);
+            }
+        }
+        part
+    }
+
+    /// Halves the share of pixels that are kept until they are few enough. Which are left does
+    /// not depend on when this is done.
+    fn thin_out(&mut self, limit: &AtomicU64) {
+        while self.pixels.len() > MOST_PIXELS {
+            let half = limit.load(Ordering::Relaxed) / 2;
+            limit.store(half, Ordering::Relaxed);
+            let keep: Vec<bool> = self.pixels.iter().map(|pixel| pixel.hash <= half).collect();
+            let mut kept = keep.iter();
+            self.pixels.retain(|_| *kept.next().expect("as many"));
+            let mut kept = keep.iter().flat_map(|keep| std::iter::repeat_n(keep, self.channels));
+            self.lanes.retain(|_| *kept.next().expect("as many"));
+        }
+    }
+}
+
+/// The side channels of folds of a strip, `[kind][fold][lane]`.
+pub(super) fn sides(strip: &SequenceBatch) -> Option<[[&[f32]; FOLDS]; 3]> {
+    let mut found = [[&[][..]; FOLDS]; 3];
+    for (kind, sides) in Side::OF_FOLDS.into_iter().enumerate() {
+        for (fold, side) in sides.iter().enumerate() {
+            found[kind][fold] = strip.side(side)?;
+        }
+    }
+    Some(found)
+}
+
+/// How many independent samples are in each fold. The terms of packed pictures are the means of
+/// the first 1, 2, 3, … of them: there, each picture is one sample.
+pub(super) fn counts(sample_counts: &[u32]) -> [f64; FOLDS] {
+    let unit = sample_counts[0];
+    let pictures = sample_counts.iter().zip(1..).all(|(&n, k)| Some(n) == unit.checked_mul(k));
+    let last = sample_counts.len() - 1;
+    let n = if pictures { sample_counts.len() as u32 } else { sample_counts[last] };
+    std::array::from_fn(|fold| fold_count(fold, n))
+}
+
+/// The mean of the folds without a group; of all, if there is no such group.
+#[inline]
+pub(super) fn mean_without(means: &[f32; FOLDS], counts: &[f64; FOLDS], group: usize) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for fold in 0..FOLDS {
+        if fold != group {
+            sum += counts[fold] * f64::from(means[fold]);
+            count += counts[fold];
+        }
+    }
+    sum / count
+}

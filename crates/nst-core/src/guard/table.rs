@@ -1,0 +1,138 @@
+//! The table: an expert that learns from the very batch by how much the plain estimate errs
+//! in lanes of one brightness and one spread.
+//!
+//! In the cell c of a grid of hat functions φ_c over brightness and spread it changes S by
+//! g_c s, where s is the lane's scale. Least squares against means h that are held out give
+//!
+//! ```text
+//! g_c = Σ φ_c s (h − S) / Σ φ_c s²,
+//! ```
+//!
+//! and g_c is drawn towards 0 by as much of it as may be noise. What half of the chessboard
+//! teaches is applied to the other half.
+
+use rayon::prelude::*;
+
+use super::{
+    Correction,
+    sample::Sample,
+    simplex::certainty,
+    view::{BRIGHTNESS, Numbers, SPREAD, View},
+};
+
+const COLUMNS: usize = SPREAD.knots();
+const CELLS: usize = BRIGHTNESS.knots() * COLUMNS;
+
+/// How many variances of the noise are taken off a gain.
+const CAUTION: f64 = 2.0;
+
+/// Pixels whose sums are one task of the thread pool, added in one order.
+pub(super) const PIXELS_PER_TASK: usize = 1024;
+
+/// g of the cells, for each half that they were learnt from.
+#[derive(Clone, Debug)]
+pub(super) struct Table {
+    changes: [[f64; CELLS]; 2],
+}
+
+/// Sums of the cells, by the half that the pixels are in.
+#[derive(Clone)]
+struct Sums {
+    /// Σ φ s²
+    scales: [[f64; CELLS]; 2],
+    /// Σ φ s (h − S)
+    products: [[f64; CELLS]; 2],
+    /// Σ over pixels of (Σ φ s (h − S))², the sum inside over channels and groups: channels
+    /// share samples, and what is held out of a pixel in turn adds to 0.
+    noise: [[f64; CELLS]; 2],
+}
+
+impl Table {
+    /// Learns from views without each of the groups, and the means of those groups minus the
+    /// plain estimates, `[group][lane]`.
+    pub(super) fn fit(sample: &Sample, views: &[View], missing: &[Vec<f32>]) -> Self {
+        let tasks = sample.pixels.len().div_ceil(PIXELS_PER_TASK);
+        let parts: Vec<Sums> = (0..tasks)
+            .into_par_iter()
+            .map(|task| Sums::of(sample, views, missing, task * PIXELS_PER_TASK))
+            .collect();
+        let mut sums = Sums::default();
+        parts.iter().for_each(|part| sums.add(part));
+        let change = |half: usize, cell: usize| {
+            let (product, scale) = (sums.products[half][cell], sums.scales[half][cell]);
+            let gain = product / scale * certainty(product, sums.noise[half][cell], CAUTION);
+            if gain.is_finite() { gain } else { 0.0 }
+        };
+        Self { changes: [0, 1].map(|half| std::array::from_fn(|cell| change(half, cell))) }
+    }
+}
+
+impl Correction for Table {
+    fn change(&self, view: &View, numbers: &Numbers, half: usize) -> f64 {
+        let changes = &self.changes[1 - half];
+        let cells = cells(view, numbers);
+        let sum: f64 = cells.iter().map(|&(cell, share)| share * changes[cell]).sum();
+        numbers.bounded(sum * numbers.scale)
+    }
+}
+
+/// The four cells that a lane lies between, and its shares of them.
+fn cells(view: &View, numbers: &Numbers) -> [(usize, f64); 4] {
+    let rows = view.brightness(numbers.mean).knots();
+    let columns = SPREAD.place(numbers.log_spread()).knots();
+    std::array::from_fn(|i| {
+        let ((row, a), (column, b)) = (rows[i / 2], columns[i % 2]);
+        (row * COLUMNS + column, a * b)
+    })
+}
+
+impl Default for Sums {
+    fn default() -> Self {
+        let zeros = [[0.0; CELLS]; 2];
+        Self { scales: zeros, products: zeros, noise: zeros }
+    }
+}
+
+impl Sums {
+    /// Those of a task's pixels.
+    fn of(sample: &Sample, views: &[View], missing: &[Vec<f32>], first: usize) -> Self {
+        let mut sums = Self::default();
+        let end = sample.pixels.len().min(first + PIXELS_PER_TASK);
+        let mut touched: Vec<(usize, f64)> = Vec::new();
+        for pixel in first..end {
+            let half = sample.pixels[pixel].half;
+            touched.clear();
+            for (view, missing) in views.iter().zip(missing) {
+                for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
+                    let numbers = view.numbers(lane);
+                    let scale = numbers.scale;
+                    for (cell, share) in cells(view, &numbers) {
+                        let product = share * scale * f64::from(missing[lane]);
+                        sums.scales[half][cell] += share * scale * scale;
+                        sums.products[half][cell] += product;
+                        match touched.iter_mut().find(|(known, _)| *known == cell) {
+                            Some((_, sum)) => *sum += product,
+                            None => touched.push((cell, product)),
+                        }
+                    }
+                }
+            }
+            for &(cell, sum) in &touched {
+                sums.noise[half][cell] += sum * sum;
+            }
+        }
+        sums
+    }
+
+    fn add(&mut self, other: &Self) {
+        let pairs = [
+            (&mut self.scales, &other.scales),
+            (&mut self.products, &other.products),
+            (&mut self.noise, &other.noise),
+        ];
+        for (sums, more) in pairs {
+            let more = more.iter().flatten();
+            sums.iter_mut().flatten().zip(more).for_each(|(sum, more)| *sum += more);
+        }
+    }
+}

@@ -1,0 +1,297 @@
+//! The guard on lanes whose true values are known.
+
+use super::*;
+use crate::{Grid, LANES_PER_BLOCK, random::SplitMix64, sequence::tests::Cut};
+
+/// Lanes of an integrand, and their true values.
+struct Lanes {
+    truth: Vec<f64>,
+    batch: SequenceBatch,
+}
+
+/// How the samples of a lane with the parameters a and b, both in (0, 1), are drawn, and their
+/// mean.
+type Integrand = fn(a: f64, b: f64, uniform: f64) -> f64;
+
+/// A light that is seen through a share a of the pixel: h · 1[u < a].
+fn visibility(a: f64, b: f64, u: f64) -> f64 {
+    if u < 0.1 + 0.5 * a { 1.0 + b } else { 0.0 }
+}
+
+/// A smooth integrand, some lanes of which are far brighter: (1 + 9 a²) (b + u)².
+fn smooth(a: f64, b: f64, u: f64) -> f64 {
+    (1.0 + 9.0 * a * a) * (b + u).powi(2)
+}
+
+/// Rare bright samples: 1 and in one of 50 cases 100 more.
+fn fireflies(a: f64, b: f64, u: f64) -> f64 {
+    (0.5 + a) * (1.0 + if u < 0.02 { 100.0 * b } else { 0.0 })
+}
+
+const INTEGRANDS: [Integrand; 3] = [visibility, smooth, fireflies];
+
+impl Lanes {
+    fn new(integrand: Integrand, lanes: usize, n: u32, seed: u64) -> Self {
+        let mut random = SplitMix64::of_stream(seed, 0);
+        // The parameters vary from run to run, as pixels do.
+        let parameters: Vec<[f64; 2]> =
+            (0..lanes).map(|_| [random.uniform(), random.uniform()]).collect();
+        let sample = |lane: usize, u: f64| integrand(parameters[lane][0], parameters[lane][1], u);
+        let mut samples = Vec::with_capacity(lanes * n as usize);
+        for _ in 0..n {
+            samples.extend((0..lanes).map(|lane| sample(lane, random.uniform()) as f32));
+        }
+        const STEPS: u32 = 1000;
+        let of_lane = |lane: usize| {
+            let steps = (0..STEPS).map(|i| sample(lane, (f64::from(i) + 0.5) / f64::from(STEPS)));
+            steps.sum::<f64>() / f64::from(STEPS)
+        };
+        let batch = SequenceBatch::from_samples(lanes, &samples).expect("samples of all lanes");
+        Self { truth: (0..lanes).map(of_lane).collect(), batch }
+    }
+
+    fn mse(&self, estimates: &[f32]) -> f64 {
+        let errors = estimates.iter().zip(&self.truth).map(|(x, i)| (f64::from(*x) - i).powi(2));
+        errors.sum::<f64>() / self.truth.len() as f64
+    }
+
+    /// The MSE ratio of a guard, and its judgement.
+    fn ratio(&self, guard: &Guard) -> (f64, Judgement) {
+        let fitted = guard.measure(&mut crate::Whole::new(&self.batch)).expect("a batch");
+        let mut out = Estimates::default();
+        fitted.apply(&self.batch, &mut out).expect("a batch");
+        (self.mse(out.values()) / self.mse(self.batch.last()), fitted.judgement().clone())
+    }
+}
+
+/// An expert by a closure.
+struct By<F>(&'static str, F);
+
+impl<F: Fn(usize, &Seen<'_>) -> f64 + Send + Sync> Expert for By<F> {
+    fn name(&self) -> &str {
+        self.0
+    }
+
+    fn estimate(&self, seen: &Seen<'_>, out: &mut [f32]) -> Result<(), Error> {
+        for (lane, out) in out.iter_mut().enumerate() {
+            *out = (self.1)(lane, seen) as f32;
+        }
+        Ok(())
+    }
+}
+
+fn with(expert: impl Expert + 'static) -> Guard {
+    Guard::new(vec![Box::new(expert)]).expect("one expert")
+}
+
+/// Where there is something to be learnt it is learnt, from the batch alone; nowhere is T
+/// worse than S by more than 2 %.
+#[test]
+fn gains_and_never_harms() {
+    let mut least = [f64::INFINITY; 3];
+    for (kind, integrand) in INTEGRANDS.into_iter().enumerate() {
+        for n in [4, 8, 32, 256] {
+            let ratios =
+                [1, 2].map(|seed| Lanes::new(integrand, 6000, n, seed).ratio(&Guard::default()).0);
+            let ratio = (ratios[0] + ratios[1]) / 2.0;
+            assert!(ratio < 1.02, "integrand {kind}, {n} samples: {ratio}");
+            least[kind] = least[kind].min(ratio);
+        }
+    }
+    // The height of a light is known from its bright samples, so that it counts them only; of
+    // smooth lanes too; fireflies are missed or not.
+    assert!(least[0] < 0.8 && least[1] < 0.9 && least[2] < 0.8, "{least:?}");
+}
+
+/// Nonsense gets no weight.
+#[test]
+fn garbage_changes_nothing() {
+    let noise = By("noise", |lane: usize, seen: &Seen<'_>| {
+        let bits = seen.mean[lane].to_bits();
+        seen.unit * (SplitMix64::of_stream(u64::from(bits), lane as u64).uniform() - 0.5)
+    });
+    let constant = By("constant", |_, _: &Seen<'_>| 1e3);
+    let nan = By("nan", |_, _: &Seen<'_>| f64::NAN);
+    let stranger = By("stranger", |lane: usize, seen: &Seen<'_>| {
+        let there = (lane * 7919 + 13) % seen.mean.len();
+        f64::from(seen.mean[there])
+    });
+    let guards = [with(noise), with(constant), with(nan), with(stranger)];
+    for (kind, integrand) in INTEGRANDS.into_iter().enumerate() {
+        let runs = [5, 6, 7, 8].map(|seed| Lanes::new(integrand, 6000, 16, seed));
+        let mean = |guard: &Guard| runs.iter().map(|lanes| lanes.ratio(guard).0).sum::<f64>() / 4.0;
+        let alone = mean(&Guard::default());
+        for guard in &guards {
+            let ratio = mean(guard);
+            let name = guard.experts[0].name();
+            if std::env::var("SHOW").is_ok() { println!("{kind} {name} {ratio} {alone}"); }
+            assert!(ratio < 1.01 * alone, "{name} on integrand {kind}: {ratio}, not {alone}");
+        }
+    }
+    // One that knows the truth gets all of it: the weights can tell.
+    let truth = Lanes::new(smooth, 3000, 16, 5);
+    let known = truth.truth.clone();
+    let oracle = with(By("oracle", move |lane: usize, _: &Seen<'_>| known[lane % known.len()]));
+    let (ratio, judgement) = truth.ratio(&oracle);
+    assert!(ratio < 0.05 && judgement.experts[2].1 > 0.9, "{ratio} {judgement:?}");
+}
+
+/// An expert with a constant bias counts at few samples, and not at many.
+#[test]
+fn converges_whatever_the_bias() {
+    let biased = |n: u32| {
+        let lanes = Lanes::new(visibility, 2000, n, 9);
+        let (alone, _) = lanes.ratio(&Guard::default());
+        let known = lanes.truth.clone();
+        let expert = By("biased", move |lane: usize, _: &Seen<'_>| known[lane % known.len()] + 0.3);
+        let (ratio, judgement) = lanes.ratio(&with(expert));
+        (ratio / alone, judgement.experts[CORRECTIONS.len()].1)
+    };
+    let (few, weight) = biased(4);
+    assert!(few < 0.5 && weight > 0.3, "{few} {weight}");
+    let (many, weight) = biased(4096);
+    assert!((many - 1.0).abs() < 0.01 && weight < 0.03, "{many} {weight}");
+}
+
+/// The interval contains the true ratio in 90 of 100 cases, at least.
+#[test]
+fn predicts_its_gain() {
+    let (mut inside, mut count) = (0, 0);
+    for integrand in INTEGRANDS {
+        for n in [8, 32] {
+            for seed in 0..10 {
+                let lanes = Lanes::new(integrand, 3000, n, 100 + seed);
+                let (ratio, judgement) = lanes.ratio(&Guard::default());
+                let [low, high] = judgement.interval;
+                assert!(low <= judgement.ratio && judgement.ratio <= high);
+                if std::env::var("SHOW").is_ok() {
+                    println!("{n} {ratio:.4} {:.4} {low:.4} {high:.4}", judgement.ratio);
+                }
+                inside += u32::from((low..=high).contains(&ratio));
+                count += 1;
+            }
+        }
+    }
+    assert!(10 * inside >= 9 * count, "{inside} of {count}");
+}
+
+/// A unit changes no bit, if it is a power of two.
+#[test]
+fn has_no_unit() {
+    let lanes = Lanes::new(smooth, 2000, 16, 3);
+    let samples = |factor: f32| {
+        let mut random = SplitMix64::of_stream(3, 7);
+        (0..16 * 500).map(|_| factor * (random.uniform() as f32).powi(3)).collect::<Vec<_>>()
+    };
+    let estimates = |factor: f32| {
+        let batch = SequenceBatch::from_samples(500, &samples(factor)).expect("16 samples");
+        let mut out = Estimates::default();
+        Guard::default().transform(&batch, &mut out).expect("a batch");
+        out.values().to_vec()
+    };
+    let scaled: Vec<f32> = estimates(1.0).iter().map(|x| 64.0 * x).collect();
+    assert_eq!(estimates(64.0), scaled);
+    assert_ne!(estimates(1.0), lanes.batch.last()[..500]);
+}
+
+/// The same bits, however the batch is cut; also where a part of the pixels is learnt from.
+#[test]
+fn strips_make_no_difference() -> Result<(), Error> {
+    let check = |batch: &SequenceBatch, steps: &[usize]| -> Result<(), Error> {
+        let guard = Guard::default();
+        let whole = guard.measure(&mut crate::Whole::new(batch))?;
+        for &step in steps {
+            let cut = guard.measure(&mut Cut { batch, step, next: 0 })?;
+            assert_eq!(cut.judgement(), whole.judgement(), "strips of {step}");
+            let (mut a, mut b) = (Estimates::default(), Estimates::default());
+            whole.apply(batch, &mut a)?;
+            cut.apply(batch, &mut b)?;
+            assert_eq!(a, b, "strips of {step}");
+        }
+        let [low, high] = whole.judgement().interval;
+        assert!(low < high && whole.judgement().ratio < 1.0);
+        Ok(())
+    };
+    let mut picture = Lanes::new(visibility, 3 * 50 * 41, 8, 2).batch;
+    picture.set_grid(Grid::new(50, 41, 3, 0)?)?;
+    check(&picture, &[1, 7, 40])?;
+    let many = Lanes::new(visibility, 80_000, 4, 2).batch;
+    check(&many, &[LANES_PER_BLOCK, 3 * LANES_PER_BLOCK])
+}
+
+/// What there is nothing to learn from keeps S, and says why.
+#[test]
+fn falls_back_to_the_plain_estimate() {
+    let few = Lanes::new(visibility, 100, 3, 1).batch;
+    let bare = SequenceBatch::from_last(&[1.0, 2.0, 3.0], 8).expect("three lanes");
+    let black = SequenceBatch::from_samples(7, &[0.0; 7 * 8]).expect("eight samples");
+    for (batch, why) in [(few, "statistics"), (bare, "statistics"), (black, "all estimates are 0")]
+    {
+        let guard = Guard::default();
+        let fitted = guard.measure(&mut crate::Whole::new(&batch)).expect("a batch");
+        let mut out = Estimates::default();
+        fitted.apply(&batch, &mut out).expect("a batch");
+        assert_eq!(out.values(), batch.last());
+        let judgement = fitted.judgement();
+        assert_eq!((judgement.ratio, judgement.interval), (1.0, [1.0; 2]));
+        assert!(judgement.notes[0].contains(why), "{judgement:?}");
+    }
+    // One lane, ten lanes: too few to learn from.
+    for count in [1, 10] {
+        let lanes = Lanes::new(smooth, count, 16, 4);
+        let (ratio, _) = lanes.ratio(&Guard::default());
+        assert!((0.5..1.2).contains(&ratio), "{count} lanes: {ratio}");
+    }
+}
+
+/// A lane with a number that is not finite keeps it, and spoils no other.
+#[test]
+fn one_bad_sample_spoils_one_lane() {
+    let mut lanes = Lanes::new(visibility, 3000, 16, 8);
+    let bad = 17;
+    for kind in Side::OF_FOLDS {
+        let mut values = lanes.batch.side(&kind[2]).expect("a mean").to_vec();
+        values[bad] = f32::NAN;
+        lanes.batch.set_side(kind[2].clone(), values).expect("a mean");
+    }
+    let mut out = Estimates::default();
+    Guard::default().transform(&lanes.batch, &mut out).expect("a batch");
+    assert_eq!(out.status()[bad], Status::NotFinite);
+    assert_eq!(out.values()[bad], lanes.batch.last()[bad]);
+    assert!(out.count(Status::NotFinite) == 1 && out.values().iter().all(|x| x.is_finite()));
+    assert!(lanes.mse(out.values()) < 0.9 * lanes.mse(lanes.batch.last()));
+}
+
+/// Methods that see more than what is not held out cannot be experts.
+#[test]
+fn what_cannot_be_held_out_is_refused() {
+    use crate::methods::{Aitken, Gmon, PriorMean};
+    assert!(OfTransform::new("identity", crate::Identity).is_ok());
+    let why = |error: Error| error.to_string();
+    let of = |error: Option<Error>| error.map(why).expect("an error");
+    assert!(of(OfTransform::new("aitken", Aitken).err()).contains("window of terms"));
+    assert!(of(OfTransform::new("gmon", Gmon).err()).contains("side channels"));
+    assert!(of(OfTransform::new("mean", PriorMean::OfTheBatch).err()).contains("all samples"));
+    let many = (0..=4).map(|_| Box::new(By("x", |_, _: &Seen<'_>| 0.0)) as Box<dyn Expert>);
+    assert!(Guard::new(many.collect()).is_err());
+}
+
+/// An expert that fails is left out, and named.
+#[test]
+fn an_expert_that_fails_is_left_out() {
+    struct Fails;
+    impl Expert for Fails {
+        fn name(&self) -> &str {
+            "fails"
+        }
+
+        fn estimate(&self, _: &Seen<'_>, _: &mut [f32]) -> Result<(), Error> {
+            Err(Error::Batch("it is out of order".into()))
+        }
+    }
+    let lanes = Lanes::new(visibility, 3000, 8, 6);
+    let (alone, _) = lanes.ratio(&Guard::default());
+    let (ratio, judgement) = lanes.ratio(&with(Fails));
+    assert_eq!((ratio, judgement.experts.len()), (alone, CORRECTIONS.len()));
+    assert!(judgement.notes[0].contains("'fails' is left out: "), "{judgement:?}");
+}

@@ -1,0 +1,116 @@
+//! Lanes as they look without a group of folds, in numbers that have no dimension.
+
+use super::{
+    hats::{Hats, Place},
+    sample::{LaneMeans, mean_without},
+    seen::Seen,
+};
+use crate::FOLDS;
+
+/// Brightness, ln(|S|/u + [`FLOOR`]): from a hundredth of the unit to 55 times it.
+pub(super) const BRIGHTNESS: Hats<10> = Hats { low: -4.6, high: 4.0 };
+
+/// Spread, ln(v + [`FLOOR`]) with the relative variance v of a sample: from .018 to 400.
+pub(super) const SPREAD: Hats<6> = Hats { low: -4.0, high: 6.0 };
+
+/// Uncertainty, ln(SE/|S| + .001): from .7 % to 100 %.
+pub(super) const UNCERTAINTY: Hats<4> = Hats { low: -5.0, high: 0.0 };
+
+/// What brightness and spread do not tell from 0.
+const FLOOR: f64 = 0.01;
+
+/// Below this share of the unit a lane is dark: its spread would be rounding.
+const DARK: f64 = 1e-9;
+
+/// The most standard errors of S that a correction may be: what lies farther is not noise.
+const MOST_ERRORS: f64 = 2.0;
+
+/// Statistics of lanes over the folds that are not held out, `[lane]`.
+#[derive(Clone, Debug)]
+pub(super) struct View {
+    samples: f64,
+    /// The mean of |S| over all lanes of the batch.
+    pub(super) unit: f64,
+    pub(super) mean: Vec<f32>,
+    root: Vec<f32>,
+    square: Vec<f32>,
+}
+
+/// What corrections are computed from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Numbers {
+    /// S
+    pub(super) mean: f64,
+    /// s = |S| + .01 u, to which corrections are in proportion.
+    pub(super) scale: f64,
+    /// The standard error of S.
+    pub(super) error: f64,
+    /// The relative variance of a sample, 0 in the dark.
+    pub(super) spread: f64,
+    /// The relative variance of the root of a sample: κ = 1 − (mean √y)²/S, from 0 to 1.
+    pub(super) root_spread: f64,
+}
+
+impl View {
+    /// Without a group of folds; of all folds, if there is no such group.
+    pub(super) fn new(lanes: &[LaneMeans], counts: &[f64; FOLDS], group: usize, unit: f64) -> Self {
+        let of_kind = |kind: usize| -> Vec<f32> {
+            lanes.iter().map(|lane| mean_without(&lane[kind], counts, group) as f32).collect()
+        };
+        let samples = counts.iter().enumerate().filter(|(fold, _)| *fold != group);
+        Self {
+            samples: samples.map(|(_, count)| count).sum(),
+            unit,
+            mean: of_kind(0),
+            root: of_kind(1),
+            square: of_kind(2),
+        }
+    }
+
+    /// What an expert sees.
+    pub(super) fn seen(&self) -> Seen<'_> {
+        let Self { samples, unit, mean, root, square } = self;
+        Seen { samples: *samples, unit: *unit, mean, root, square }
+    }
+
+    /// The estimated variance of the plain estimate.
+    pub(super) fn variance(&self, lane: usize) -> f64 {
+        self.seen().variance(lane)
+    }
+
+    pub(super) fn numbers(&self, lane: usize) -> Numbers {
+        let (mean, root) = (f64::from(self.mean[lane]), f64::from(self.root[lane]));
+        let size = mean.abs();
+        let variance = self.variance(lane);
+        let (mut spread, mut root_spread) = (0.0, 0.0);
+        if size > DARK * self.unit {
+            spread = variance * self.samples / (size * size);
+            root_spread = (1.0 - root * root / size).clamp(0.0, 1.0);
+        }
+        let scale = size + FLOOR * self.unit;
+        Numbers { mean, scale, error: variance.sqrt(), spread, root_spread }
+    }
+
+    /// Where the brightness of an estimate lies.
+    pub(super) fn brightness(&self, estimate: f64) -> Place {
+        BRIGHTNESS.place((estimate.abs() / self.unit + FLOOR).ln())
+    }
+
+    /// Where the uncertainty of the plain estimate lies.
+    pub(super) fn uncertainty(&self, numbers: &Numbers) -> Place {
+        UNCERTAINTY.place(((numbers.spread / self.samples).sqrt() + 0.001).ln())
+    }
+}
+
+impl Numbers {
+    /// ln(v + .01) of the relative variance v of a sample.
+    pub(super) fn log_spread(&self) -> f64 {
+        (self.spread + FLOOR).ln()
+    }
+
+    /// A correction, within what may be noise of S.
+    pub(super) fn bounded(&self, change: f64) -> f64 {
+        let most = MOST_ERRORS * self.error;
+        change.clamp(-most, most)
+    }
+}

@@ -1,0 +1,180 @@
+//! How far each expert is trusted, by strata of brightness and uncertainty.
+
+use rayon::prelude::*;
+
+use super::{
+    sample::Sample,
+    simplex::{MOST, Moments, best_weights, certainty},
+    table::PIXELS_PER_TASK,
+    view::{BRIGHTNESS, UNCERTAINTY, View},
+};
+
+const COLUMNS: usize = UNCERTAINTY.knots();
+const ROWS: usize = BRIGHTNESS.knots();
+const STRATA: usize = ROWS * COLUMNS;
+
+/// How many variances of the noise are taken off a gain.
+const CAUTION: f64 = 3.0;
+
+/// The share of its sums that a stratum gives to each of its neighbours.
+const SHARED: f64 = 0.2;
+
+/// What the experts change, `[group][lane]`, and where the lanes lie.
+pub(super) struct Changes<'a> {
+    pub(super) sample: &'a Sample,
+    /// `[group]`; after the groups, that of all folds.
+    pub(super) views: &'a [View],
+    /// The means of the groups held out minus the plain estimates, `[group][lane]`.
+    pub(super) missing: &'a [Vec<f32>],
+    /// `[expert][group][lane]`; after the groups, those of all folds.
+    pub(super) changes: Vec<Vec<Vec<f32>>>,
+}
+
+/// The weights of the experts in each stratum, by the half that they were learnt from.
+#[derive(Clone, Debug)]
+pub(super) struct Weights {
+    strata: [[[f64; MOST]; STRATA]; 2],
+}
+
+/// Sums of a stratum: moments, and the noise of their b, `[expert][expert]`.
+#[derive(Clone, Copy, Default)]
+struct Stratum {
+    moments: Moments,
+    noise: [[f64; MOST]; MOST],
+}
+
+impl Changes<'_> {
+    /// The strata of a lane.
+    pub(super) fn place(&self, group: usize, lane: usize) -> Strata {
+        strata(&self.views[group], lane, self.changes[0][group][lane])
+    }
+
+    /// What each expert changes.
+    pub(super) fn of_lane(&self, group: usize, lane: usize) -> [f64; MOST] {
+        std::array::from_fn(|k| {
+            self.changes.get(k).map_or(0.0, |groups| f64::from(groups[group][lane]))
+        })
+    }
+}
+
+impl Weights {
+    pub(super) fn fit(changes: &Changes<'_>) -> Self {
+        let tasks = changes.sample.pixels.len().div_ceil(PIXELS_PER_TASK);
+        let parts: Vec<_> =
+            (0..tasks).into_par_iter().map(|task| sums(changes, task * PIXELS_PER_TASK)).collect();
+        let mut total = [[Stratum::default(); STRATA]; 2];
+        for part in &parts {
+            let strata = total.iter_mut().flatten().zip(part.iter().flatten());
+            strata.for_each(|(sum, part)| sum.add(part, 1.0, 1.0));
+        }
+        let count = changes.changes.len();
+        Self { strata: total.map(|half| weights(&smoothed(&half), count)) }
+    }
+
+    /// The weights of a lane whose pixel is in this half, learnt from the other.
+    pub(super) fn at(&self, place: &Strata, half: usize) -> [f64; MOST] {
+        let strata = &self.strata[1 - half];
+        std::array::from_fn(|k| place.iter().map(|&(at, share)| share * strata[at][k]).sum())
+    }
+}
+
+/// The four strata that a lane lies between, and its shares of them.
+pub(super) type Strata = [(usize, f64); 4];
+
+/// The strata of a lane: the brightness is that of the first expert's estimate, which has less
+/// noise than S.
+pub(super) fn strata(view: &View, lane: usize, first_change: f32) -> Strata {
+    let numbers = view.numbers(lane);
+    let rows = view.brightness((numbers.mean + f64::from(first_change)).max(0.0)).knots();
+    let columns = view.uncertainty(&numbers).knots();
+    std::array::from_fn(|i| {
+        let ((row, a), (column, b)) = (rows[i / 2], columns[i % 2]);
+        (row * COLUMNS + column, a * b)
+    })
+}
+
+/// The sums of a task's pixels, `[half][stratum]`.
+fn sums(changes: &Changes<'_>, first: usize) -> [[Stratum; STRATA]; 2] {
+    let Changes { sample, missing, changes: experts, .. } = changes;
+    let count = experts.len();
+    let mut sums = [[Stratum::default(); STRATA]; 2];
+    let end = sample.pixels.len().min(first + PIXELS_PER_TASK);
+    for pixel in first..end {
+        let sums = &mut sums[sample.pixels[pixel].half];
+        // Channels share samples, and what is held out of a pixel in turn adds to 0: noise is
+        // that of a pixel's sum.
+        let mut of_pixel = [[0.0; MOST]; STRATA];
+        for (group, missing) in missing.iter().enumerate() {
+            for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
+                let d = changes.of_lane(group, lane);
+                for (stratum, share) in changes.place(group, lane) {
+                    for i in 0..count {
+                        of_pixel[stratum][i] += share * d[i] * f64::from(missing[lane]);
+                        for j in 0..count {
+                            sums[stratum].moments.a[i][j] += share * d[i] * d[j];
+                        }
+                    }
+                }
+            }
+        }
+        for (sum, of_pixel) in sums.iter_mut().zip(&of_pixel) {
+            for i in 0..count {
+                sum.moments.b[i] += of_pixel[i];
+                for j in 0..count {
+                    sum.noise[i][j] += of_pixel[i] * of_pixel[j];
+                }
+            }
+        }
+    }
+    sums
+}
+
+impl Stratum {
+    /// Adds a share of another's moments, and a share of its noise.
+    fn add(&mut self, other: &Self, share: f64, noise_share: f64) {
+        for i in 0..MOST {
+            self.moments.b[i] += share * other.moments.b[i];
+            for j in 0..MOST {
+                self.moments.a[i][j] += share * other.moments.a[i][j];
+                self.noise[i][j] += noise_share * other.noise[i][j];
+            }
+        }
+    }
+}
+
+/// Strata that share their sums with their neighbours in brightness, then in uncertainty; the
+/// ends keep what has no neighbour.
+fn smoothed(strata: &[Stratum; STRATA]) -> [Stratum; STRATA] {
+    let by_row = shared(strata, |i| (i / COLUMNS, ROWS), COLUMNS);
+    shared(&by_row, |i| (i % COLUMNS, COLUMNS), 1)
+}
+
+/// Shares sums along an axis: the place on it and its length, and the step between neighbours.
+fn shared(
+    strata: &[Stratum; STRATA],
+    axis: impl Fn(usize) -> (usize, usize),
+    step: usize,
+) -> [Stratum; STRATA] {
+    let mut smooth = [Stratum::default(); STRATA];
+    for (i, stratum) in strata.iter().enumerate() {
+        let (place, length) = axis(i);
+        let kept = 1.0 - 2.0 * SHARED;
+        smooth[i].add(stratum, kept, kept * kept);
+        let before = if place == 0 { i } else { i - step };
+        let after = if place + 1 == length { i } else { i + step };
+        smooth[before].add(stratum, SHARED, SHARED * SHARED);
+        smooth[after].add(stratum, SHARED, SHARED * SHARED);
+    }
+    smooth
+}
+
+/// The best weights of each stratum, drawn towards 0 by as much of the gain as may be noise.
+fn weights(strata: &[Stratum; STRATA], count: usize) -> [[f64; MOST]; STRATA] {
+    strata.map(|Stratum { moments, noise }| {
+        let w = best_weights(&moments, &noise, count);
+        let gain: f64 = (0..count).map(|i| w[i] * moments.b[i]).sum();
+        let pairs = (0..count).flat_map(|i| (0..count).map(move |j| (i, j)));
+        let variance: f64 = pairs.map(|(i, j)| w[i] * noise[i][j] * w[j]).sum();
+        w.map(|w| w * certainty(gain, variance, CAUTION))
+    })
+}
