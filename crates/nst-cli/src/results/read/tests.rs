@@ -143,30 +143,24 @@ fn tables_are_joined() {
 #[test]
 fn tables_that_do_not_fit_together() {
     let (_first, a) = stored(text(&[row("a", "none", 0, 1.0)]));
-    let mut other = row("a", "none", 1, 2.0);
-    let joined = |change: &dyn Fn(&mut Row)| {
-        let mut changed = other.clone();
-        change(&mut changed);
+    let other = row("a", "none", 1, 2.0);
+    let joined = |changed: Row| {
         let (_second, b) = stored(text(&[changed]));
         Results::read(&[a.clone(), b], None)
     };
-    let changes: [(&str, &dyn Fn(&mut Row)); 4] = [
-        ("fingerprint", &|row| row.fingerprint = "a:v2:1".into()),
-        ("sampler", &|row| row.sampler = "halton".into()),
-        ("reference", &|row| row.reference_mse = Some(1e-3)),
-        ("size", &|row| row.height = 3),
-    ];
-    for (what, change) in changes {
-        let error = joined(change).expect_err(what).to_string();
+    for (what, changed) in [
+        ("fingerprint", Row { fingerprint: "a:v2:1".into(), ..other.clone() }),
+        ("sampler", Row { sampler: "halton".into(), ..other.clone() }),
+        ("reference", Row { reference_mse: Some(1e-3), ..other.clone() }),
+        ("size", Row { height: 3, ..other.clone() }),
+    ] {
+        let error = joined(changed).expect_err(what).to_string();
         assert!(error.contains(what) && error.contains("one bench"), "{error}");
     }
-    let both = joined(&|row| {
-        row.machine = "another".into();
-        row.version = "9.9".into();
-    });
-    let notes = both.expect("only times differ").notes().join(" ");
+    let elsewhere = Row { machine: "another".into(), version: "9.9".into(), ..other.clone() };
+    let notes = joined(elsewhere).expect("only times differ").notes().join(" ");
     assert!(notes.contains("several machines") && notes.contains("several versions"), "{notes}");
-    other.threads = Some(2);
+    let other = Row { threads: Some(2), ..other };
     let (_third, c) = stored(text(&[other.clone(), Row { threads: Some(3), run: 2, ..other }]));
     let notes = Results::read(&[c], None).expect("a table").notes().join(" ");
     assert!(notes.contains("2 to 3 threads"), "{notes}");

@@ -256,6 +256,32 @@ fn known_of<'a>(origin: &'a Origin, counts: &'a [u32]) -> method::Origin<'a> {
 mod tests {
     use super::*;
 
+    /// A GPU is opened for every network, which takes the first of a process longest; none of
+    /// them is charged for another one.
+    #[cfg(feature = "gpu")]
+    #[test]
+    fn all_networks_open_a_gpu_in_the_same_time() -> Result<(), String> {
+        let asked = ["families", "cornell", "gmon"].map(TransformArg::named);
+        let asked: Vec<TransformArg> = asked.into_iter().flatten().collect();
+        let mut methods =
+            Methods::new(&asked, &[], BackendArg::Auto).map_err(|error| error.to_string())?;
+        let origin = Origin {
+            scene: String::new(),
+            fingerprint: String::new(),
+            sampler: "random".into(),
+            size: [5, 1],
+        };
+        let samples: Vec<f32> = (0..9 * 5).map(|i| ((i * i) % 11) as f32).collect();
+        let batch = SequenceBatch::from_samples(5, &samples).map_err(|error| error.to_string())?;
+        let families = methods.transform("families", &origin, &batch)?.opening;
+        let cornell = methods.transform("cornell", &origin, &batch)?.opening;
+        assert_eq!(families, cornell);
+        assert!(families.time > Duration::ZERO && families.in_background, "{families:?}");
+        let none = methods.transform("none", &origin, &batch)?.opening;
+        assert_eq!(none.time, Duration::ZERO);
+        Ok(())
+    }
+
     /// The GPU of a network is opened while others render, in half a second, but not with
     /// `--backend gpu`.
     #[test]
