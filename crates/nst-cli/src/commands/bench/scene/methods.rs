@@ -40,8 +40,8 @@ struct Ready {
     method: Method,
     /// How long it took to make it, to read a network for instance, without opening a GPU.
     making: Duration,
-    /// Whether it opens a GPU, or tries to.
-    opens: bool,
+    /// How long it takes to open a GPU, or to find none; 0 where none is needed.
+    opening: Duration,
     /// What its first transformation took beyond the second.
     warming: Option<Duration>,
 }
@@ -161,14 +161,12 @@ impl Methods {
                 Choice::Weights(path) => Method::of_file(&path, self.backend)?,
             };
             let mut making = begin.elapsed();
-            let opening = method.adapter.opening();
-            if let Some(opening) = opening {
-                self.opening.get_or_insert(opening);
-                if self.backend == BackendArg::Gpu {
-                    making = making.saturating_sub(opening);
-                }
+            let own = method.adapter.opening();
+            if let Some(own) = own.filter(|_| self.backend == BackendArg::Gpu) {
+                making = making.saturating_sub(own);
             }
-            let ready = Ready { method, making, opens: opening.is_some(), warming: None };
+            let opening = own.map(|own| *self.opening.get_or_insert(own)).unwrap_or_default();
+            let ready = Ready { method, making, opening, warming: None };
             self.ready.insert(name.clone(), ready);
         }
         Ok(self.ready.get_mut(&name).expect("it was put there"))
@@ -181,14 +179,11 @@ impl Methods {
         origin: &Origin,
         batch: &SequenceBatch,
     ) -> Result<Transformed, String> {
-        let (opening, backend) = (self.opening, self.backend);
+        let in_background = self.backend == BackendArg::Auto;
         let choice = self.choice(name).ok_or("there is no such method")?;
         let ready = self.ready(name, &choice, origin, batch.sample_counts());
         let ready = ready.map_err(|error| error.to_string())?;
-        let opening = Opening {
-            time: opening.filter(|_| ready.opens).unwrap_or_default(),
-            in_background: backend == BackendArg::Auto,
-        };
+        let opening = Opening { time: ready.opening, in_background };
         let window = ready.method.transform.requires().window;
         let terms = batch.sample_counts().len();
         if terms < window {
