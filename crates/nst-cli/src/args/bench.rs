@@ -37,7 +37,8 @@ pub(crate) struct BenchSceneArgs {
     /// OBJ file.
     #[arg(long, value_name = "OBJ")]
     pub(crate) scene: Option<PathBuf>,
-    /// Instead of a scene, sequence files of independent runs, as `nst pack` makes them.
+    /// Instead of a scene, sequence files of independent runs, as `nst pack` makes them. A bench
+    /// that goes on measures those anew that do not say their seeds.
     #[arg(long, value_name = "EXR", num_args = 1.., requires = "reference", conflicts_with_all = ["spp", "runs", "seed", "sampler", "size", "pixel", "max_depth", "reference_spp"])]
     pub(crate) sequence: Vec<PathBuf>,
     /// EXR picture whose R, G, B count as the true values, or two independent ones; it sets
@@ -78,9 +79,9 @@ pub(crate) struct BenchSceneArgs {
     /// that goes on measures them anew, as they may have changed.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub(crate) weights: Vec<PathBuf>,
-    /// Also judge a picture of another program, which says its samples per pixel, and perhaps
-    /// the seconds of the whole job as renderTimeSeconds; can be given several times, with one
-    /// name for several runs.
+    /// Also judge a picture of another program, which says its samplesPerPixel, and perhaps its
+    /// renderTimeSeconds, which count as the time of the whole job; can be given several times,
+    /// with one name for several runs.
     #[arg(long, value_name = "NAME=FILE[:LAYER]", value_parser = named_picture)]
     pub(crate) picture: Vec<NamedPicture>,
     /// What networks run on.

@@ -27,6 +27,8 @@ pub(crate) use pictures::layer_of;
 pub(crate) use pictures::{belongs, beside, check_name, method_of};
 #[cfg(feature = "render")]
 pub(crate) use read::parse_table;
-pub(crate) use row::{PLAIN, Row, SCHEMA};
+#[cfg(any(feature = "render", test))]
+pub(crate) use row::Row;
+pub(crate) use row::{PLAIN, SCHEMA};
 pub(crate) use scene::Results;
 pub(crate) use summary::Summary;

@@ -95,9 +95,11 @@ impl Table {
                 )));
             }
         }
-        // Rows of other programs' pictures have no seed either.
-        let of_sequence =
-            |row: &Row| row.seed.is_some() || TransformArg::named(&row.method).is_some();
+        // Rows of other programs' pictures have no seed either; nothing transformed them.
+        let of_sequence = |row: &Row| {
+            let known = TransformArg::named(&row.method).is_some();
+            known || row.seed.is_some() || row.transform_seconds.is_some()
+        };
         self.drop_rows(|row| {
             let file = files.iter().find(|file| place(row, file) && of_sequence(row));
             file.is_some_and(|file| file.seed.is_none() || row.seed.is_none())
