@@ -15,12 +15,14 @@ WIDTH, HEIGHT = 48, 30
 SPP = (8, 32)
 ODD = 'odd <b>&"</script>'
 METHODS = ("none", "auto", ODD)
+# By which the report knows that table and pictures belong together.
+REFERENCE_HASH = "0123456789abcdef"
 
 COLUMNS = """
     scene method spp run mse relmse smape mse_trimmed bias2 predicted_mse load_seconds render_seconds
     transform_seconds transform_warm_seconds io_seconds total_seconds width height reference_mse threads
     machine adapter version schema failure fingerprint seed sampler
-    predicted_ratio predicted_low predicted_high
+    predicted_ratio predicted_low predicted_high reference reference_spp
 """.split()  # noqa: SIM905
 
 
@@ -95,7 +97,7 @@ class Film:
             odd = np.where(np.isnan(picture), [1, np.inf, np.nan], picture).astype(np.float32)
             for i, channel in enumerate("RGB"):
                 channels[f"{layer}.{channel}" if layer else channel] = np.ascontiguousarray(odd[:, :, i])
-        write_openexr(path, channels)
+        write_openexr(path, channels, **{"nst.reference": REFERENCE_HASH})
 
 
 FILM = Film.make()
@@ -111,7 +113,7 @@ def write_table(path: Path, scene: str = "a <i>scene</i> &amp; more") -> None:
     """Three methods and two sample counts, four runs each; a fourth method that failed."""
     common = {
         "scene": scene, "width": WIDTH, "height": HEIGHT, "reference_mse": 1e-7, "threads": 2,
-        "machine": "a processor", "version": "0.0.0", "schema": 3,
+        "machine": "a processor", "version": "0.0.0", "schema": 3, "reference": REFERENCE_HASH,
     }  # fmt: skip
     rows = []
     for place, method in enumerate(METHODS):

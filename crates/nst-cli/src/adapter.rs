@@ -3,16 +3,46 @@
 use std::{
     any::Any,
     panic::{AssertUnwindSafe, catch_unwind},
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError},
+    time::{Duration, Instant},
 };
 
 use nst_core::Error;
 
-/// The name of the GPU that a transformation runs on; `None` while it is on the CPU.
+/// The GPU that a transformation runs on.
 #[derive(Clone, Default)]
-pub(crate) struct Adapter(Arc<Mutex<Option<String>>>);
+pub(crate) struct Adapter {
+    /// `None` while it is on the CPU.
+    name: Arc<Mutex<Option<String>>>,
+    /// Empty where no GPU is opened, and then empty until it is.
+    opening: Arc<OnceLock<OnceLock<Duration>>>,
+}
+
+/// Measures how long a GPU is being opened: until this is dropped.
+pub(crate) struct Opening {
+    adapter: Adapter,
+    begin: Instant,
+}
+
+impl Drop for Opening {
+    fn drop(&mut self) {
+        let _ = self.adapter.opening.get_or_init(OnceLock::new).set(self.begin.elapsed());
+    }
+}
 
 impl Adapter {
+    /// From now on, a GPU is being opened.
+    pub(crate) fn opens(&self) -> Opening {
+        self.opening.get_or_init(OnceLock::new);
+        Opening { adapter: self.clone(), begin: Instant::now() }
+    }
+
+    /// How long it took to open a GPU, or to find none; waits until that is done. `None` if
+    /// nobody tries.
+    pub(crate) fn opening(&self) -> Option<Duration> {
+        self.opening.get().map(|time| *time.wait())
+    }
+
     pub(crate) fn name(&self) -> Option<String> {
         self.lock().clone()
     }
@@ -22,7 +52,7 @@ impl Adapter {
     }
 
     fn lock(&self) -> MutexGuard<'_, Option<String>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.name.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

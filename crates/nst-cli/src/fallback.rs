@@ -36,6 +36,11 @@ impl<G: Fitted + 'static> Fallback<G> {
         cpu: MlpCpu,
         adapter: Adapter,
     ) -> Self {
+        let opening = adapter.opens();
+        let open = move || {
+            let _until_the_end = opening;
+            open()
+        };
         Self { gpu: Mutex::new(Stage::Opening(thread::spawn(open))), cpu, adapter }
     }
 
@@ -156,7 +161,7 @@ mod tests {
         }
 
         let opened = Arc::new(AtomicU32::new(0));
-        let slow = {
+        let slow = || {
             let opened = Arc::clone(&opened);
             move || {
                 thread::sleep(Duration::from_millis(50));
@@ -164,7 +169,13 @@ mod tests {
                 Err::<(_, MlpCpu), _>(Error::NoAdapter("no driver".into()))
             }
         };
-        drop(Fallback::new(slow, cpu.clone(), adapter.clone()));
+        let adapter = Adapter::default();
+        assert_eq!(adapter.opening(), None);
+        let fallback = Fallback::new(slow(), cpu.clone(), adapter.clone());
+        assert!(adapter.opening() >= Some(Duration::from_millis(50)), "{:?}", adapter.opening());
+        drop(fallback);
+        opened.store(0, Ordering::Relaxed);
+        drop(Fallback::new(slow(), cpu.clone(), adapter.clone()));
         assert_eq!(opened.load(Ordering::Relaxed), 1, "dropped while a driver was loading");
 
         type Opened = Result<(String, MlpCpu), Error>;
@@ -173,6 +184,7 @@ mod tests {
         for open in [none, panic] {
             let fallback = Fallback::new(open, cpu.clone(), adapter.clone());
             let mut estimates = Estimates::default();
+            assert!(adapter.opening().is_some(), "a panic ends the opening too");
             fallback.apply(&batch, &mut estimates)?;
             assert_eq!((&estimates, adapter.name()), (&expected, None));
         }

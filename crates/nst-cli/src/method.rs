@@ -167,7 +167,10 @@ fn open(kind: AdapterKind, network: Arc<Network>) -> Result<(String, MlpGpu), ns
 /// A network on a GPU, or an error.
 #[cfg(feature = "gpu")]
 fn on_gpu(network: Arc<Network>, adapter: &Adapter) -> Result<Box<dyn Transform>, Error> {
-    let (name, mlp) = caught(|| open(AdapterKind::Any, network)).map_err(Error::Gpu)?;
+    let opening = adapter.opens();
+    let opened = caught(|| open(AdapterKind::Any, network));
+    drop(opening);
+    let (name, mlp) = opened.map_err(Error::Gpu)?;
     adapter.set(Some(name));
     Ok(Box::new(mlp))
 }

@@ -5,7 +5,12 @@ mod common;
 use std::time::{Duration, Instant};
 
 use common::{Bench, cornell};
-use nst_files::{output::OutputFile, sequence_file::SequenceFile};
+use nst_files::{
+    ColorModel,
+    output::OutputFile,
+    picture_writer::{PictureInfo, write_exr},
+    sequence_file::SequenceFile,
+};
 
 /// A file that no failing command may change.
 struct Precious {
@@ -436,14 +441,19 @@ fn packs() {
     let whole = std::fs::read(bench.path("r1.exr")).expect("a picture");
     bench.write("cut.exr", &whole[..whole.len() - 100]);
     bench.write("text.exr", "this is no image");
+    let mut bare = OutputFile::create(&bench.path("bare.exr")).expect("a new file");
+    let layers: [(&str, &[f32]); 1] = [("", &[0.5; 3 * 64])];
+    write_exr(&mut bare, [8, 8], ColorModel::Rgb, &layers, &PictureInfo::default())
+        .expect("a picture");
+    bare.commit().expect("a disk with room");
     std::fs::copy(bench.path("s5.exr"), bench.path("seq.exr")).expect("a copy");
     std::fs::copy(bench.path("s1.exr"), bench.path("again.exr")).expect("a copy");
     let precious = Precious::of(&bench, "seq.exr");
     let cases: [(&str, i32, &[&str]); 26] = [
-        ("r1.exr", 2, &["r1.exr", "samplesPerPixel", "--spp"]),
+        ("bare.exr", 2, &["bare.exr", "samplesPerPixel", "--spp"]),
         ("--as samples", 2, &["EXR"]),
         ("r1.exr --as pictures", 2, &["pictures", "samples", "estimates", "runs"]),
-        ("r1.exr r2.exr --as samples", 2, &["r1.exr", "samplesPerPixel", "--spp"]),
+        ("bare.exr r2.exr --as samples", 2, &["bare.exr", "samplesPerPixel", "--spp"]),
         ("r1.exr --as samples --spp 0", 2, &["--spp"]),
         ("r1.exr --as samples --spp-list 1", 2, &["--spp-list", "--as estimates"]),
         ("r1.exr --as estimates --spp 1", 2, &["--spp", "--as samples"]),

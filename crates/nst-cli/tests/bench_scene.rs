@@ -2,53 +2,14 @@
 
 mod common;
 
-use std::{collections::BTreeMap, path::PathBuf, process::Command};
+use std::{path::PathBuf, process::Command};
 
-use common::{Bench, cornell, read_layer};
+use common::{
+    Bench, cornell, read_layer,
+    tables::{errors, nst, number, succeed, table},
+};
 use nst_core::{Estimates, methods::method, metrics};
 use nst_files::sequence_file::SequenceFile;
-
-/// Rows by method, samples and run; each by column.
-type Table = BTreeMap<(String, u32, u32), BTreeMap<String, String>>;
-
-fn table(bench: &Bench, name: &str) -> Table {
-    let mut reader = csv::Reader::from_path(bench.path(name)).expect("a table");
-    let rows = reader.deserialize::<BTreeMap<String, String>>();
-    rows.map(|row| {
-        let row = row.expect("a row");
-        let number = |column: &str| row[column].parse().expect("a number");
-        ((row["method"].clone(), number("spp"), number("run")), row)
-    })
-    .collect()
-}
-
-fn number(row: &BTreeMap<String, String>, column: &str) -> f64 {
-    row[column].parse().unwrap_or_else(|_| panic!("{column} is '{}'", row[column]))
-}
-
-/// All that is not a time.
-fn errors(table: &Table) -> Vec<String> {
-    let columns = ["mse", "relmse", "smape", "mse_trimmed", "bias2", "reference_mse", "seed"];
-    table.iter().map(|(key, row)| format!("{key:?} {:?}", columns.map(|it| &row[it]))).collect()
-}
-
-/// Runs `nst` with the caches in the test's folder.
-fn nst(bench: &Bench, args: &str) -> (Option<i32>, String, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_nst"))
-        .args(args.split_whitespace())
-        .current_dir(bench.path(""))
-        .env("XDG_CACHE_HOME", bench.path("caches"))
-        .output()
-        .expect("the binary runs");
-    let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
-    (output.status.code(), text(output.stdout), text(output.stderr))
-}
-
-fn succeed(bench: &Bench, args: &str) -> String {
-    let (code, said, complained) = nst(bench, args);
-    assert_eq!(code, Some(0), "{args}: {complained}");
-    said
-}
 
 fn references(bench: &Bench) -> Vec<PathBuf> {
     let folder = std::fs::read_dir(bench.path("caches/nst/references")).expect("the folder");
@@ -150,16 +111,23 @@ fn the_same_seeds_give_the_same_errors_in_one_go_or_in_two() {
 #[test]
 fn methods_that_fail_and_errors_below_the_references_have_a_reason() {
     let bench = Bench::new();
-    let scene = format!("--scene {} --size 40x30 --backend cpu --quiet --runs 2", cornell());
+    let scene = format!("--scene {} --size 40x30 --backend cpu --runs 2", cornell());
     let args = format!("bench scene {scene} --spp 4 256 --transform cornell --reference-spp 8");
-    succeed(&bench, &format!("{args} -o t.csv"));
+    let said = succeed(&bench, &format!("{args} -o t.csv"));
     let rows = table(&bench, "t.csv");
     let failure = |name: &str, spp: u32| rows[&(name.to_owned(), spp, 0)]["failure"].clone();
     assert!(failure("cornell", 4).contains("reads the last 8 terms, but there are 4"));
     assert_eq!(rows[&("cornell".to_owned(), 4, 0)]["mse"], "");
-    // 256 samples against the 16 of the reference.
-    assert!(failure("none", 256).contains("below the reference's own"), "{rows:?}");
-    assert_eq!(failure("none", 4), "");
+    // 256 samples against the 16 of the reference: the rows have errors, the mean is not judged.
+    assert_eq!([failure("none", 256), failure("none", 4)], ["", ""]);
+    let own = number(&rows[&("none".to_owned(), 256, 0)], "reference_mse");
+    assert!([0, 1].iter().all(|&run| number(&rows[&("none".to_owned(), 256, run)], "mse") < own));
+    let why = "failed     none at 256 spp: its mean MSE";
+    assert_eq!(said.matches(why).count(), 1, "{said}");
+    assert!(
+        said.contains("below the reference's own") && said.contains("--reference-spp"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -172,20 +140,26 @@ fn other_programs_files_are_judged() {
     }
     succeed(&bench, &format!("{render} --spp 2000 --seed 9 -o ref.exr"));
     let args = "bench scene --sequence s1.exr s2.exr --reference ref.exr --transform gmon --quiet";
-    succeed(&bench, &format!("{args} --picture other=s3.exr -o t.csv"));
+    // The pictures of this program say what a bench must know.
+    succeed(&bench, "transform s3.exr --transform none -o y3.exr --quiet");
+    succeed(&bench, &format!("{args} --picture other=x3.exr --picture again=y3.exr -o t.csv"));
     let rows = table(&bench, "t.csv");
     let expected = |file: &str| {
         let [x, reference] = [file, "ref.exr"].map(|file| read_layer(&bench.path(file), "").1);
         metrics::error(&x, &reference).expect("of one length").mse
     };
-    for (row, file) in [(("none", 0), "x1.exr"), (("none", 1), "x2.exr"), (("other", 0), "x3.exr")]
-    {
+    for (row, file) in [
+        (("none", 0), "x1.exr"),
+        (("none", 1), "x2.exr"),
+        (("other", 0), "x3.exr"),
+        (("again", 0), "x3.exr"),
+    ] {
         let row = &rows[&(row.0.to_owned(), 16, row.1)];
         assert!((number(row, "mse") / expected(file) - 1.0).abs() < 1e-9, "{file}");
         assert_eq!(row["reference_mse"], "", "one picture does not know its own error");
         assert!(number(row, "render_seconds") > 0.0);
     }
-    assert_eq!(rows.len(), 2 * 2 + 1);
+    assert_eq!(rows.len(), 2 * 2 + 2);
     let layer = read_layer(&bench.path("t.exr"), "other.16").1;
     assert_eq!(layer, read_layer(&bench.path("x3.exr"), "").1);
 }
@@ -200,7 +174,10 @@ fn tables_of_another_bench_are_left_alone() {
     bench.write("notes.csv", "a,b\n1,2\n");
     for (args, words) in [
         (format!("{args} --seed 7 -o t.csv"), ["another --seed", "name another file"]),
-        (format!("{args} --reference-spp 9 -o t.csv"), ["another reference", "another file"]),
+        (
+            format!("{args} --reference-spp 9 -o t.csv"),
+            ["another reference", "--reference-spp 128"],
+        ),
         (args.replace("8x8", "9x8") + " -o t.csv", ["another size", "another file"]),
         (format!("{args} --max-depth 2 -o t.csv"), ["another scene", "another file"]),
         (format!("{args} -o notes.csv"), ["notes.csv", "another file"]),
@@ -215,6 +192,11 @@ fn tables_of_another_bench_are_left_alone() {
         ("bench scene -o t.csv".to_owned(), "--scene"),
         ("bench scene --sequence s.exr -o t.csv".to_owned(), "--reference"),
         (format!("{scene} --picture oidn -o t.csv"), "oidn=denoised.exr"),
+        (
+            format!("{scene} --picture {}=x.exr -o t.csv", "x".repeat(101)),
+            "more than 100 characters",
+        ),
+        (format!("{scene} -o t.exr"), "must end in .csv"),
     ] {
         let (code, _, complained) = nst(&bench, &args);
         assert_eq!(code, Some(2), "{args}: {complained}");

@@ -13,18 +13,18 @@ const TABLE: &str = "\
 scene,method,spp,run,mse,relmse,smape,mse_trimmed,bias2,predicted_mse,load_seconds,render_seconds,\
 transform_seconds,transform_warm_seconds,io_seconds,total_seconds,width,height,reference_mse,\
 fingerprint,seed,threads,machine,adapter,version,schema,failure,\
-sampler,predicted_ratio,predicted_low,predicted_high
-box,none,8,0,0.012,0.12,0.1,0.01,0,,0.1,0.8,0,0,0.1,1,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,3,,,,,
-box,none,8,1,0.008,0.08,0.1,0.01,0,,0.1,0.8,0,0,0.1,1,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,3,,,,,
-box,none,16,0,0.006,0.06,0.1,0.01,0,,0.1,1.8,0,0,0.1,2,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,3,,,,,
-box,none,16,1,0.004,0.04,0.1,0.01,0,,0.1,1.8,0,0,0.1,2,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,3,,,,,
-box,none,32,0,0.003,0.03,0.1,0.01,0,,0.1,3.8,0,0,0.1,4,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,3,,,,,
-box,none,32,1,0.002,0.02,0.1,0.01,0,,0.1,3.8,0,0,0.1,4,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,3,,,,,
-box,<net>,8,0,,,,,,,,,,,,,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,3,\"it needs <16> samples, & has 8.\",,,,
-box,<net>,16,0,0.003,0.2,0.1,0.01,0,,0.1,1.8,0.5,0.1,0.1,2.5,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,3,,,,,
-box,<net>,16,1,0.001,0.2,0.1,0.01,0,,0.1,1.8,0.5,0.1,0.1,2.5,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,3,,,,,
-box,<net>,32,0,0.002,0.2,0.1,0.01,0,,0.1,3.8,0.5,0.1,0.1,4.5,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,3,,,,,
-box,<net>,32,1,0.0008,0.2,0.1,0.01,0,,0.1,3.8,0.5,0.1,0.1,4.5,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,3,,,,,
+sampler,predicted_ratio,predicted_low,predicted_high,reference,reference_spp
+box,none,8,0,0.012,0.12,0.1,0.01,0,,0.1,0.8,0,0,0.1,1,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,3,,,,,,,
+box,none,8,1,0.008,0.08,0.1,0.01,0,,0.1,0.8,0,0,0.1,1,64,32,1e-6,box:v2:0,8,2,a machine,,0.1.0,3,,,,,,,
+box,none,16,0,0.006,0.06,0.1,0.01,0,,0.1,1.8,0,0,0.1,2,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,3,,,,,,,
+box,none,16,1,0.004,0.04,0.1,0.01,0,,0.1,1.8,0,0,0.1,2,64,32,1e-6,box:v2:0,8,2,a machine,,0.1.0,3,,,,,,,
+box,none,32,0,0.003,0.03,0.1,0.01,0,,0.1,3.8,0,0,0.1,4,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,3,,,,,,,
+box,none,32,1,0.002,0.02,0.1,0.01,0,,0.1,3.8,0,0,0.1,4,64,32,1e-6,box:v2:0,8,2,a machine,,0.1.0,3,,,,,,,
+box,<net>,8,0,,,,,,,,,,,,,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,3,\"it needs <16> samples, & has 8.\",,,,,,
+box,<net>,16,0,0.003,0.2,0.1,0.01,0,,0.1,1.8,0.5,0.1,0.1,2.5,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,3,,,,,,,
+box,<net>,16,1,0.001,0.2,0.1,0.01,0,,0.1,1.8,0.5,0.1,0.1,2.5,64,32,1e-6,box:v2:0,8,2,a machine,,0.1.0,3,,,,,,,
+box,<net>,32,0,0.002,0.2,0.1,0.01,0,,0.1,3.8,0.5,0.1,0.1,4.5,64,32,1e-6,box:v2:0,7,2,a machine,,0.1.0,3,,,,,,,
+box,<net>,32,1,0.0008,0.2,0.1,0.01,0,,0.1,3.8,0.5,0.1,0.1,4.5,64,32,1e-6,box:v2:0,8,2,a machine,,0.1.0,3,,,,,,,
 ";
 
 /// The only texts of a node, and of those in it.
@@ -232,7 +232,9 @@ fn a_chart_says_what_it_shows() {
     for words in [
         "box: error against time and samples",
         "64 × 32 pixels · 2 runs per point · a machine · 2 threads · nst 0.1.0",
-        report["advice"].as_str().expect("a sentence").split(':').next().expect("a part"),
+        report["advice"][0].as_str().expect("a sentence").split(':').next().expect("a part"),
+        report["advice"][1].as_str().expect("a sentence").split(':').next().expect("a part"),
+        "times are medians over the runs",
         "pick '<net>'",
         "On this scene, pick plain sampling:",
         "MSE against time",
@@ -308,6 +310,32 @@ fn charts_replace_only_charts() {
     bench.refuses("chart results.csv results.csv", &["'results.csv'", "named twice"]);
 }
 
+/// The advice by each metric is printed, and what to know of tables that are joined.
+#[test]
+fn advice_and_notes_are_printed() {
+    let bench = Bench::new();
+    bench.write("a.csv", TABLE);
+    let other = TABLE.replace("a machine", "another").replace("box:v2:0,7", "box:v2:0,17");
+    bench.write("b.csv", other.replace("box:v2:0,8", "box:v2:0,18"));
+    let said = bench.succeed("chart a.csv");
+    let lines: Vec<_> = said.lines().filter(|line| line.starts_with("by ")).collect();
+    let [mse, relmse] = lines[..] else { panic!("two sentences: {said}") };
+    assert!(mse.starts_with("by MSE     For a budget of"), "{said}");
+    assert!(relmse.starts_with("by relMSE  On this scene, pick plain sampling"), "{said}");
+    assert!(!said.contains("note"), "{said}");
+    let said = bench.succeed("chart a.csv b.csv -o both.svg --json");
+    let said: serde_json::Value = serde_json::from_str(&said).expect("JSON");
+    assert_eq!(said["rows"], 22, "runs of other seeds are other runs");
+    assert_eq!(said["advice"].as_array().map(Vec::len), Some(2));
+    let note = said["notes"][0].as_str().expect("a note");
+    assert!(note.contains("several machines") && note.contains("another"), "{note}");
+    bench.write("c.csv", TABLE.replace("box:v2:0", "box:v2:1"));
+    let output = bench.nst("chart a.csv c.csv -o both.svg");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains("fingerprint") && stderr.contains("'box:v2:1'"), "{stderr}");
+}
+
 #[test]
 fn tables_that_cannot_be_drawn() {
     let bench = Bench::new();
@@ -339,6 +367,13 @@ fn tables_that_cannot_be_drawn() {
         }
     }
     assert!(bench.snapshot() == before);
+    std::fs::create_dir(bench.path("folder")).expect("a folder");
+    for folder in [".", "folder"] {
+        let output = bench.nst(&format!("chart {folder}"));
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{stderr}");
+        assert!(stderr.contains(&format!("cannot read '{folder}': it is a folder")), "{stderr}");
+    }
     bench.succeed("chart two.csv --scene <c> --metric smape");
     assert!(bench.files().contains(&"two.svg".to_owned()));
 }
@@ -366,7 +401,7 @@ fn the_documentation_shows_its_tables() {
         for metric in ["mse", "relmse"] {
             let said = bench.succeed(&format!("chart t.csv -o t.svg --json --metric {metric}"));
             let said: serde_json::Value = serde_json::from_str(&said).expect("JSON");
-            let sentence = said["advice"].as_str().expect("a sentence");
+            let sentence = said["advice"][0].as_str().expect("a sentence");
             assert!(page.contains(sentence), "{name}: the page does not say: {sentence}");
         }
     }

@@ -5,12 +5,19 @@ mod common;
 
 use common::Bench;
 use nst_core::random::SplitMix64;
-use nst_files::{ColorModel, output::OutputFile, picture_writer::write_exr};
+use nst_files::{
+    ColorModel,
+    output::OutputFile,
+    picture_writer::{PictureInfo, write_exr},
+};
 
 const HEADER: &str = "scene,method,spp,run,mse,relmse,smape,mse_trimmed,bias2,predicted_mse,\
     load_seconds,render_seconds,transform_seconds,transform_warm_seconds,io_seconds,total_seconds,\
     width,height,reference_mse,threads,machine,adapter,version,schema,failure,\
-    fingerprint,seed,sampler,predicted_ratio,predicted_low,predicted_high\n";
+    fingerprint,seed,sampler,predicted_ratio,predicted_low,predicted_high,reference,reference_spp\n";
+
+/// What the table and the pictures of scene `a` say of their reference.
+const REFERENCE: &str = "0123456789abcdef";
 
 /// A table of these scenes, methods at 8 spp.
 fn table(scenes: &[&str], methods: &[&str], [width, height]: [u32; 2]) -> String {
@@ -18,19 +25,32 @@ fn table(scenes: &[&str], methods: &[&str], [width, height]: [u32; 2]) -> String
         methods.iter().enumerate().map(move |(place, method)| {
             let (mse, seconds) = (1.0 / (place + 1) as f64, 1 + place);
             format!(
-                "{scene},{method},8,0,{mse},,,,,,,,,,,{seconds},{width},{height},,,,,0.0.0,3,,,,,,,\n"
+                "{scene},{method},8,0,{mse},,,,,,,,,,,{seconds},{width},{height},,,,,0.0.0,3,,\
+                 {scene}:v2:0,,,,,,{REFERENCE},\n"
             )
         })
     });
     HEADER.to_owned() + &rows.collect::<String>()
 }
 
-/// Writes a picture with these layers, each a constant.
+/// Writes a picture with these layers, each a constant, as those of a table of scene `a`.
 fn picture(bench: &Bench, name: &str, size: [u32; 2], model: ColorModel, layers: &[&str]) {
+    let [scene, reference] = ["a:v2:0", REFERENCE].map(|text| Some(text.to_owned()));
+    let info = PictureInfo { scene, reference, ..PictureInfo::default() };
+    picture_of(bench, name, (size, model), layers, &info);
+}
+
+fn picture_of(
+    bench: &Bench,
+    name: &str,
+    (size, model): ([u32; 2], ColorModel),
+    layers: &[&str],
+    info: &PictureInfo,
+) {
     let lanes = vec![0.5; (size[0] * size[1]) as usize * model.channels().len()];
     let layers: Vec<(&str, &[f32])> = layers.iter().map(|layer| (*layer, &lanes[..])).collect();
     let mut output = OutputFile::create(&bench.path(name)).expect("a new file");
-    write_exr(&mut output, size, model, &layers).expect("a picture");
+    write_exr(&mut output, size, model, &layers, info).expect("a picture");
     output.commit().expect("a disk with room");
 }
 
@@ -115,6 +135,13 @@ fn what_is_refused() {
     fails(&bench, "report two.csv --scene a --picture x=results.exr", 2, &["'two.exr' is missing"]);
 
     fails(&bench, "report results.csv --picture results.exr", 2, &["as in oidn=denoised.exr"]);
+    let again = "report results.csv --picture";
+    for name in ["reference", "auto", "none", "S"] {
+        let args = format!("{again} {name}=results.exr:S");
+        fails(&bench, &args, 2, &[name, "another picture of this name"]);
+    }
+    let args = format!("{again} x=results.exr:S --picture x=results.exr");
+    fails(&bench, &args, 2, &["--picture x=", "another picture of this name"]);
     fails(&bench, "report results.csv --picture x=gone.exr", 1, &["'gone.exr'"]);
     let args = "report results.csv --picture x=results.exr:depth";
     fails(&bench, args, 1, &["'results.exr'", "no layer 'depth'", "none.8"]);
@@ -138,7 +165,7 @@ fn a_page_stays_below_ten_megabytes() {
     let bench = Bench::new();
     // The first two are on the Pareto front by their errors; the table lists the plain one last.
     let methods = ["m0", "m1", "m2", "m3", "m4", "m5", "m6", "m7", "m8", "auto", "none"];
-    bench.write("results.csv", table(&["noise"], &methods, [512, 512]));
+    bench.write("results.csv", table(&["a"], &methods, [512, 512]));
     let mut random = SplitMix64::of_stream(1, 0);
     // Noise over two orders of magnitude, which is hard to compress.
     let pixels: Vec<f32> = (0..3 << 18).map(|_| 100_f64.powf(random.uniform()) as f32).collect();
@@ -146,7 +173,9 @@ fn a_page_stays_below_ten_megabytes() {
     let layers = names.iter().map(|name| (&**name, &pixels[..]));
     let layers: Vec<(&str, &[f32])> = [("", &pixels[..])].into_iter().chain(layers).collect();
     let mut output = OutputFile::create(&bench.path("results.exr")).expect("a new file");
-    write_exr(&mut output, [512, 512], ColorModel::Rgb, &layers).expect("a picture");
+    let [scene, reference] = ["a:v2:0", REFERENCE].map(|text| Some(text.to_owned()));
+    let info = PictureInfo { scene, reference, ..PictureInfo::default() };
+    write_exr(&mut output, [512, 512], ColorModel::Rgb, &layers, &info).expect("a picture");
     output.commit().expect("a disk with room");
     bench.succeed("report results.csv --picture other=results.exr:m8.8");
     let bytes = std::fs::metadata(bench.path("results.html")).expect("a page").len();
@@ -176,4 +205,36 @@ fn large_films_are_reduced() {
     assert_eq!(names, ["reference", "none (plain)"]);
     assert!(notes.contains("means of 2 × 2 pixels of the film of 1030 × 600"), "{notes}");
     assert!(notes.contains("Without a picture: b at 8 spp"), "{notes}");
+}
+
+/// Pictures of another bench have the same layers.
+#[test]
+fn pictures_of_another_table_are_not_shown() {
+    let bench = small();
+    let write = |scene: Option<&str>, reference: Option<&str>| {
+        let [scene, reference] = [scene, reference].map(|text| text.map(str::to_owned));
+        let info = PictureInfo { scene, reference, ..PictureInfo::default() };
+        let film = ([4, 2], ColorModel::Rgb);
+        picture_of(&bench, "results.exr", film, &["", "none.8", "auto.8"], &info);
+    };
+    for (scene, reference) in [("a:v2:0", "other"), ("a:v2:1", REFERENCE)] {
+        write(Some(scene), Some(reference));
+        for args in ["report results.csv", "report results.csv --picture x=results.exr:auto.8"] {
+            let output = bench.nst(args);
+            let stderr = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(1), "{stderr}");
+            assert!(stderr.contains("pictures of another table"), "{stderr}");
+        }
+    }
+    // Those that do not say whose they are count if the user names them.
+    write(None, None);
+    let said = bench.succeed("report results.csv");
+    assert!(said.contains("does not say") && said.contains("0 pictures"), "{said}");
+    let said = bench.succeed("report results.csv --picture x=results.exr:auto.8");
+    assert!(said.contains("4 pictures"), "{said}");
+    let said = bench.succeed("report results.csv --json");
+    let said: serde_json::Value = serde_json::from_str(&said).expect("JSON");
+    let advice: Vec<_> = said["advice"].as_array().expect("an array").iter().collect();
+    assert_eq!(advice.len(), 2);
+    assert!(advice[0].as_str().is_some_and(|text| text.contains("MSE")), "{advice:?}");
 }

@@ -4,8 +4,35 @@ use crate::{
     ColorModel, Error,
     layers::layer_channels,
     output_file::OutputFile,
-    rows::{Attributes, RowWriter},
+    rows::{Attribute, Attributes, RowWriter},
 };
+
+/// What the header of a picture says beside its layers; what is `None` is left out.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PictureInfo {
+    /// The samples behind each pixel, as `samplesPerPixel`.
+    pub samples_per_pixel: Option<u32>,
+    /// How long it took to render the samples, as `renderTimeSeconds`.
+    pub render_seconds: Option<f32>,
+    /// The scene's fingerprint, as `nst.scene`.
+    pub scene: Option<String>,
+    /// A hash of the reference that the main picture is the mean of, as `nst.reference`.
+    pub reference: Option<String>,
+}
+
+impl PictureInfo {
+    fn attributes(&self) -> Attributes {
+        let samples = self.samples_per_pixel.map(|it| i32::try_from(it).unwrap_or(i32::MAX));
+        let text = |text: &Option<String>| text.clone().map(Attribute::Text);
+        let all = [
+            ("samplesPerPixel", samples.map(Attribute::I32)),
+            ("renderTimeSeconds", self.render_seconds.map(Attribute::F32)),
+            ("nst.scene", text(&self.scene)),
+            ("nst.reference", text(&self.reference)),
+        ];
+        all.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?))).collect()
+    }
+}
 
 /// Writes an EXR picture row by row.
 pub struct PictureWriter<'a> {
@@ -24,10 +51,11 @@ impl<'a> PictureWriter<'a> {
         size: [u32; 2],
         model: ColorModel,
         layers: &[&str],
+        info: &PictureInfo,
     ) -> Result<Self, Error> {
         let channels: Vec<_> =
             layers.iter().flat_map(|layer| layer_channels(layer, model.channels())).collect();
-        Ok(Self { rows: RowWriter::create(output, size, &channels, Attributes::new())?, model })
+        Ok(Self { rows: RowWriter::create(output, size, &channels, info.attributes())?, model })
     }
 
     /// Appends rows of each layer, as planar lanes. All calls but the last need a multiple
@@ -65,9 +93,10 @@ pub fn write_exr(
     size: [u32; 2],
     model: ColorModel,
     layers: &[(&str, &[f32])],
+    info: &PictureInfo,
 ) -> Result<(), Error> {
     let (names, lanes): (Vec<&str>, Vec<&[f32]>) = layers.iter().copied().unzip();
-    let mut writer = PictureWriter::create(output, size, model, &names)?;
+    let mut writer = PictureWriter::create(output, size, model, &names, info)?;
     writer.push(&lanes)?;
     writer.finish()
 }

@@ -9,7 +9,7 @@ use super::{
     method::{BackendArg, TransformArg, transform},
     picture::{NamedPicture, named_picture},
     render::{PixelArg, SamplerArg},
-    values::{count, seed, size},
+    values::{count, ending_in, seed, size},
 };
 
 /// Measure methods and compare them.
@@ -37,15 +37,16 @@ pub(crate) struct BenchSceneArgs {
     /// OBJ file.
     #[arg(long, value_name = "OBJ")]
     pub(crate) scene: Option<PathBuf>,
-    /// Instead of a scene, sequence files of independent runs, as `nst pack` makes them.
+    /// Instead of a scene, sequence files of independent runs, as `nst pack` makes them. A bench
+    /// that goes on measures those anew that do not say their seeds.
     #[arg(long, value_name = "EXR", num_args = 1.., requires = "reference", conflicts_with_all = ["spp", "runs", "seed", "sampler", "size", "pixel", "max_depth", "reference_spp"])]
     pub(crate) sequence: Vec<PathBuf>,
     /// EXR picture whose R, G, B count as the true values, or two independent ones; it sets
     /// the film size. [default: two are rendered, and kept for the next bench]
     #[arg(long, value_name = "EXR", num_args = 1..=2)]
     pub(crate) reference: Vec<PathBuf>,
-    /// Samples per pixel of each of the two references that are rendered. [default: 16 for
-    /// each of the largest --spp]
+    /// Samples per pixel of each of the two references that are rendered. [default: those of
+    /// the table, if it is there, else 16 for each of the largest --spp]
     #[arg(long, value_name = "N", value_parser = count, allow_negative_numbers = true, conflicts_with = "reference")]
     pub(crate) reference_spp: Option<u32>,
     /// Film size in pixels, as in 512x512. [default: the scene's shape, at most 256 wide and
@@ -55,7 +56,8 @@ pub(crate) struct BenchSceneArgs {
     /// Sample counts to render with.
     #[arg(long, value_delimiter = ',', num_args = 1.., default_values_t = [8, 16, 32, 64], value_parser = count, allow_negative_numbers = true)]
     pub(crate) spp: Vec<u32>,
-    /// Independent renderings per sample count.
+    /// Independent renderings per sample count; the squared bias is measured of pairs of them,
+    /// so that the last of an odd number has none.
     #[arg(long, default_value_t = 10, value_parser = count, allow_negative_numbers = true)]
     pub(crate) runs: u32,
     /// Seed of the first run; those of the others count up from it.
@@ -77,15 +79,16 @@ pub(crate) struct BenchSceneArgs {
     /// that goes on measures them anew, as they may have changed.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     pub(crate) weights: Vec<PathBuf>,
-    /// Also judge a picture of another program, which says its samples per pixel, and perhaps
-    /// its renderTimeSeconds; can be given several times, with one name for several runs.
+    /// Also judge a picture of another program, which says its samplesPerPixel, and perhaps its
+    /// renderTimeSeconds, which count as the time of the whole job; can be given several times,
+    /// with one name for several runs.
     #[arg(long, value_name = "NAME=FILE[:LAYER]", value_parser = named_picture)]
     pub(crate) picture: Vec<NamedPicture>,
     /// What networks run on.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) backend: BackendArg,
     /// CSV file to write, or to go on with.
-    #[arg(short, long, value_name = "CSV")]
+    #[arg(short, long, value_name = "CSV", value_parser = ending_in(["csv"]))]
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) common: CommonArgs,

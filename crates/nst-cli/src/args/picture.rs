@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::results::check_name;
+
 /// A picture, and what to call it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct NamedPicture {
@@ -16,6 +18,7 @@ pub(super) fn named_picture(text: &str) -> Result<NamedPicture, String> {
         .split_once('=')
         .filter(|(name, file)| !name.is_empty() && !file.is_empty())
         .ok_or_else(|| "a name and a file are needed, as in oidn=denoised.exr".to_owned())?;
+    check_name(name)?;
     let split = file.to_ascii_lowercase().rfind(".exr:").map(|at| at + ".exr".len());
     let layer = split.map(|at| file[at + 1..].to_owned());
     if layer.as_ref().is_some_and(String::is_empty) {
@@ -42,7 +45,7 @@ mod tests {
             let found = (&*found.name, found.file.to_str(), found.layer.as_deref());
             assert_eq!(found, (expected.0, Some(expected.1), expected.2));
         }
-        for bad in ["x.exr", "=x.exr", "a=", "a=x.exr:", ""] {
+        for bad in ["x.exr", "=x.exr", "a=", "a=x.exr:", "", "a\tb=x.exr"] {
             assert!(named_picture(bad).is_err(), "{bad}");
         }
     }

@@ -3,10 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::select::{Styles, display_name};
-use crate::{
-    results::{Curve, Curves, Metric, Results, Row},
-    words::counted,
-};
+use crate::results::{Curve, Curves, Metric, Results, Summary};
 
 /// The most reasons of failure that are listed.
 const MOST_FAILURES: usize = 12;
@@ -15,11 +12,8 @@ const MOST_FAILURES: usize = 12;
 pub(super) fn subtitle(results: &Results) -> String {
     let [width, height] = results.size();
     let mut parts = vec![format!("{width} × {height} pixels")];
-    let runs: Vec<usize> =
-        results.summaries().iter().map(|it| it.runs).filter(|it| *it > 0).collect();
-    if let (Some(least), Some(most)) = (runs.iter().min(), runs.iter().max()) {
-        let few = if least == most { String::new() } else { format!("{least} to ") };
-        parts.push(format!("{few}{} per point", counted(*most, "run")));
+    if results.summaries().iter().any(|it| it.runs > 0) {
+        parts.push(format!("{} per point", results.runs()));
     }
     let known = |values: Vec<&str>| {
         let known: Vec<_> = values.into_iter().filter(|value| !value.is_empty()).collect();
@@ -44,7 +38,7 @@ pub(super) fn below(results: &Results, all: &[Curves], styles: &Styles) -> Vec<S
     let several = results.summaries().iter().any(|summary| summary.runs > 1);
     let points = if several {
         "Points are means over the runs; bars are 95 % intervals of the mean (Student’s t over the \
-         runs)."
+         runs); times are medians over the runs."
     } else {
         "Points are single runs, so that nothing is known of their scatter."
     };
@@ -57,14 +51,11 @@ pub(super) fn below(results: &Results, all: &[Curves], styles: &Styles) -> Vec<S
                 .to_owned(),
         );
     }
-    let machines = results.distinct(|row| &row.machine);
-    if machines.len() > 1 {
-        notes.push("Times are of several machines, and cannot be compared.".to_owned());
-    }
+    notes.extend(results.notes());
     notes.extend(muted(all, styles));
     notes.extend(all.iter().filter_map(not_above_zero));
     notes.extend(without_time(results));
-    notes.extend(failures(results.rows()));
+    notes.extend(failures(results.summaries()));
     notes
 }
 
@@ -126,20 +117,17 @@ fn without_time(results: &Results) -> Option<String> {
 }
 
 /// One paragraph for each method and reason.
-fn failures(rows: &[Row]) -> Vec<String> {
-    let mut reasons: BTreeMap<(&str, &str), Vec<u32>> = BTreeMap::new();
-    for row in rows {
-        if let Some(why) = &row.failure {
-            reasons.entry((&row.method, why)).or_default().push(row.spp);
+fn failures(summaries: &[Summary]) -> Vec<String> {
+    let mut reasons: BTreeMap<(&str, &str), Vec<String>> = BTreeMap::new();
+    for summary in summaries {
+        if let Some(why) = &summary.failure {
+            reasons.entry((&summary.method, why)).or_default().push(summary.spp.to_string());
         }
     }
     let more = reasons.len().saturating_sub(MOST_FAILURES);
-    let paragraph = |((method, why), mut counts): ((&str, &str), Vec<u32>)| {
-        counts.sort_unstable();
-        counts.dedup();
-        let counts: Vec<_> = counts.iter().take(MOST_FAILURES).map(u32::to_string).collect();
-        let name = display_name(method);
-        format!("Failed: {name} at {} spp: {why}", counts.join(", "))
+    let paragraph = |((method, why), counts): ((&str, &str), Vec<String>)| {
+        let counts = &counts[..counts.len().min(MOST_FAILURES)];
+        format!("Failed: {} at {} spp: {why}", display_name(method), counts.join(", "))
     };
     let mut notes: Vec<String> = reasons.into_iter().take(MOST_FAILURES).map(paragraph).collect();
     if more > 0 {

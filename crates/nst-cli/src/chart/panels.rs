@@ -78,6 +78,9 @@ pub(super) fn at_equal_time(curves: &Curves, styles: &Styles) -> Plot {
         let dots = budgets.iter().filter_map(|&budget| {
             let ratio = curve.error_at(budget)? / plain?.error_at(budget)?;
             let ratio = if curve.method == PLAIN { 1.0 } else { ratio };
+            if !(ratio.is_finite() && ratio > 0.0) {
+                return None;
+            }
             let label = format!(
                 "{name} in {}: {} of the plain estimate's {}",
                 seconds(budget),
@@ -137,7 +140,7 @@ fn theory(curves: &Curves) -> Option<Guide> {
     let ratio = f64::from(last.spp) / f64::from(first.spp);
     let slope = curves.metric.slope();
     let end = first.error * ratio.powf(slope);
-    Some(Guide {
+    (end > 0.0).then(|| Guide {
         name: format!("slope {} of plain sampling", slope.to_string().replace('-', "−")),
         ends: [[f64::from(first.spp), first.error], [f64::from(last.spp), end]],
         stroke: Stroke { ink: Ink::Soft, width: 1.2, dash: &[1.5, 3.0] },

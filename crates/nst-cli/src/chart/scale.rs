@@ -62,7 +62,9 @@ impl LogScale {
 
     /// The number, or the nearest end of the axis.
     pub(super) fn clamp(&self, value: f64) -> f64 {
-        value.clamp(self.ends[0].exp(), self.ends[1].exp())
+        // The ends of an axis may be beyond the range of f64.
+        let [low, high] = self.ends.map(|end| end.exp().clamp(f64::MIN_POSITIVE, f64::MAX));
+        value.clamp(low, high)
     }
 
     /// Powers of ten with labels, and small ticks between them; on short axes 1, 2 and 5 have

@@ -146,6 +146,7 @@ fn what_is_left_out_is_said() {
         "Failed: failed at 8 spp: no <picture> & more.",
         "one; another",
         "several machines",
+        "times are medians over the runs",
         "64 × 32 pixels · 1 to 2 runs per point",
         "8 s",
     ] {
@@ -177,10 +178,16 @@ fn nothing_and_one_point() {
 
 #[test]
 fn numbers_of_all_sizes() {
-    for scale in [1e-300, 1e-30, 1.0, 1e30, 1e290] {
-        let rows = [8, 32].map(|spp| row("none", spp, 0, scale / f64::from(spp), scale));
-        let chart = draw(rows.to_vec(), &[Metric::Mse]);
-        assert!(!chart.svg.contains("NaN") && !chart.svg.contains("inf"), "{scale}");
+    for scale in [1e-300, 1e-30, 1.0, 1e30, 1e290, f64::MAX] {
+        let rows = [8, 32].into_iter().flat_map(|spp| {
+            // Their sum is beyond the range of f64, and so is the ratio of both methods' errors.
+            let runs = [scale / f64::from(spp / 8), 0.9 * scale];
+            let of = |method: &str, run: u32, mse: f64| row(method, spp, run, mse, scale);
+            [of("none", 0, runs[0]), of("none", 1, runs[1]), of("a", 0, 1e-308)]
+        });
+        let chart = draw(rows.collect(), &[Metric::Mse]);
+        let odd = |line: &&str| line.contains("NaN") || line.contains("inf");
+        assert_eq!(chart.svg.lines().find(odd), None, "{scale}");
         assert!(chart.marks.iter().all(|mark| (0.0..WIDTH).contains(&mark.x)), "{scale}");
     }
 }
@@ -204,7 +211,7 @@ fn large_tables_give_small_charts() {
 fn guides_are_drawn_where_there_is_room() {
     let keys = |reference: f64| {
         let mut rows = table(1);
-        rows[0].reference_mse = Some(reference);
+        rows.iter_mut().for_each(|row| row.reference_mse = Some(reference));
         // Falls by less than in theory, so that the line of theory leaves the plot.
         rows[2].mse = Some(0.1);
         rows[5].mse = Some(0.1);

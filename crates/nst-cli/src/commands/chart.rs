@@ -26,13 +26,21 @@ pub(super) struct Report {
     scene: String,
     methods: Vec<String>,
     rows: usize,
-    /// By the first metric.
-    advice: String,
+    /// By each metric.
+    advice: Vec<String>,
+    notes: Vec<String>,
     files: Vec<String>,
+    #[serde(skip)]
+    metrics: Vec<Metric>,
 }
 
 pub(super) fn run(args: &ChartArgs) -> Result<Report, Error> {
     check_distinct(&args.tables)?;
+    if let Some(folder) = args.tables.iter().find(|path| path.is_dir()) {
+        let source = std::io::Error::other("it is a folder; name the table in it");
+        let path = folder.clone();
+        return Err(nst_files::Error::Io { action: "read", path, source }.into());
+    }
     let (paths, name) = match &args.output {
         Some(path) => (vec![path.clone()], Name::Given),
         None => {
@@ -55,8 +63,10 @@ pub(super) fn run(args: &ChartArgs) -> Result<Report, Error> {
         scene: results.scene().to_owned(),
         methods: methods.into_iter().map(str::to_owned).collect(),
         rows: results.rows().len(),
-        advice: advice(&results, metrics[0]),
+        advice: metrics.iter().map(|metric| advice(&results, *metric)).collect(),
+        notes: results.notes(),
         files: paths.iter().map(|path| path.display().to_string()).collect(),
+        metrics,
     })
 }
 
@@ -78,7 +88,12 @@ fn write(chart: &Chart, output: &mut OutputFile) -> Result<(), Error> {
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "results    {} rows of {}", self.rows, self.scene)?;
-        writeln!(f, "advice     {}", self.advice)?;
+        for (metric, advice) in self.metrics.iter().zip(&self.advice) {
+            writeln!(f, "{:<11}{advice}", format!("by {}", metric.name()))?;
+        }
+        for note in &self.notes {
+            writeln!(f, "note       {note}")?;
+        }
         write!(f, "wrote      {}", self.files.join(", "))
     }
 }

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use nst_core::{Estimates, Grid, SequenceBatch, Side, Strips, Support};
 use nst_files::{
     output::{Name, Outputs},
-    picture_writer::PictureWriter,
+    picture_writer::{PictureInfo, PictureWriter},
     png::PngWriter,
     sequence_file::{SequenceInfo, SequenceReader},
 };
@@ -68,9 +68,15 @@ fn write(
     let mut layers = vec!["", "S"];
     let variance = info.sides.contains(&Side::Variance);
     layers.extend(variance.then_some("Variance"));
+    let about = PictureInfo {
+        samples_per_pixel: Some(info.samples()),
+        render_seconds: Some(info.render_seconds).filter(|&seconds| seconds > 0.0),
+        ..PictureInfo::default()
+    };
     let exr = files.exr.as_mut();
-    let mut exr =
-        exr.map(|exr| PictureWriter::create(exr, info.size, info.model, &layers)).transpose()?;
+    let mut exr = exr
+        .map(|exr| PictureWriter::create(exr, info.size, info.model, &layers, &about))
+        .transpose()?;
     let mut png = PngWriter::create(&mut files.png, info.size)?;
     let channels = info.model.channels().len();
     let mut estimates = Estimates::default();

@@ -3,10 +3,14 @@
 use super::{
     curves::{Curve, Curves},
     metric::Metric,
-    read::Results,
     row::PLAIN,
+    scene::Results,
     text::{number, seconds},
 };
+
+/// A method wins if its error is below this share of the plain estimate's: the difference must
+/// be worth the trouble, and be more than what is left of noise after some runs.
+const WINS: f64 = 0.99;
 
 /// The most budgets that are not round.
 const MOST_TIMES: usize = 9;
@@ -19,8 +23,14 @@ pub(crate) fn advice(results: &Results, metric: Metric) -> String {
     let others: Vec<&Curve> = curves.others().filter(measured).collect();
     let plain = curves.plain().filter(measured);
     match (plain, &others[..]) {
-        (None, []) => nothing(results, metric),
-        (None, _) => "Plain sampling was not measured; nothing can be compared with it.".to_owned(),
+        (None, []) => nothing(results, &curves),
+        (None, _) => match curves.plain() {
+            None => "Plain sampling was not measured; nothing can be compared with it.".to_owned(),
+            Some(plain) => format!("Of plain sampling, {}", missing([plain], metric)),
+        },
+        (Some(_), []) if curves.others().next().is_some() => {
+            format!("Of all methods but plain sampling, {}", missing(curves.others(), metric))
+        }
         (Some(_), []) => "Only plain sampling was measured; there is nothing to choose.".to_owned(),
         (Some(plain), _) => {
             let duels = Duels { plain, others, metric };
@@ -40,12 +50,33 @@ pub(crate) fn budgets(curves: &Curves) -> Vec<f64> {
 }
 
 /// Why there is nothing to compare.
-fn nothing(results: &Results, metric: Metric) -> String {
-    let failure = results.rows().iter().find_map(|row| Some((&row.method, row.failure.as_ref()?)));
-    let name = metric.name();
+fn nothing(results: &Results, curves: &Curves) -> String {
+    let name = curves.metric.name();
+    let failure =
+        results.summaries().iter().find_map(|it| Some((&it.method, it.failure.as_ref()?)));
     match failure {
+        _ if !curves.curves.is_empty() => {
+            format!("Nothing can be compared: {}", missing(&curves.curves, curves.metric))
+        }
         Some((method, why)) => format!("No {name} was measured; '{method}' failed: {why}"),
-        None => format!("No {name} and time above 0 were measured."),
+        None => format!("No {name} was measured."),
+    }
+}
+
+/// What these methods lack, of which no point has a place, and what to do: the end of a
+/// sentence.
+fn missing<'a>(curves: impl IntoIterator<Item = &'a Curve>, metric: Metric) -> String {
+    let name = metric.name();
+    let mut points = curves.into_iter().flat_map(|curve| &curve.points);
+    if points.any(|point| point.error > 0.0) {
+        "no time is known, only errors; files of other programs say it by the attribute \
+         renderTimeSeconds."
+            .to_owned()
+    } else {
+        format!(
+            "no {name} above 0 was measured; a reference of more samples per pixel \
+             (--reference-spp), or more runs, would show it."
+        )
     }
 }
 
@@ -91,7 +122,7 @@ impl<'a> Duels<'a> {
 
     /// The best of the other methods, if it wins.
     fn winner(&self, time: f64) -> Option<(&'a Curve, f64, f64)> {
-        self.best_other(time).filter(|(_, error, plain)| error < plain)
+        self.best_other(time).filter(|(_, error, plain)| *error < WINS * plain)
     }
 
     /// As [`budgets`].
@@ -124,8 +155,8 @@ impl<'a> Duels<'a> {
             let [from, to] = [knots[0], knots[knots.len() - 1]].map(seconds);
             let when = if from == to { format!("{from},") } else { format!("{from} to {to},") };
             return format!(
-                "On this scene, pick plain sampling: for budgets of {when} no other method has a \
-                 lower {} at equal time.",
+                "On this scene, pick plain sampling: for budgets of {when} no other method's {} is \
+                 lower by more than 1 % at equal time.",
                 self.metric.name()
             );
         };
@@ -175,7 +206,9 @@ impl<'a> Duels<'a> {
         let duel = self.alone(method);
         let knots = duel.knots();
         // Below 0 where the method wins.
-        let gap = |time: f64| duel.best_other(time).map(|(_, error, plain)| (error / plain).ln());
+        let gap = |time: f64| {
+            duel.best_other(time).map(|(_, error, plain)| (error / (WINS * plain)).ln())
+        };
         let last = knots.iter().rposition(|&time| gap(time).is_some_and(|gap| gap < 0.0))?;
         let Some(&next) = knots.get(last + 1) else { return Some((knots[last], false)) };
         let (won, lost) = (gap(knots[last])?, gap(next)?);
@@ -186,8 +219,9 @@ impl<'a> Duels<'a> {
     /// For methods that no time was measured of which both have an error.
     fn same_count(&self) -> String {
         let pairs = self.others.iter().flat_map(|other| {
-            let plain = |spp| self.plain.points.iter().find(move |plain| plain.spp == spp);
-            other.points.iter().filter_map(move |point| {
+            let useful = |curve: &'a Curve| curve.points.iter().filter(|it| curve.is_useful(it));
+            let plain = move |spp| useful(self.plain).find(|plain| plain.spp == spp);
+            useful(other).filter_map(move |point| {
                 let (place, plain) = (point.place()?, plain(point.spp)?.place()?);
                 Some((other, point.spp, place, plain))
             })
@@ -196,7 +230,7 @@ impl<'a> Duels<'a> {
         let more = "measure more sample counts to compare at equal time";
         let best = pairs.min_by(|a, b| (a.2.1 / a.3.1).total_cmp(&(b.2.1 / b.3.1)));
         match best {
-            Some((other, spp, place, plain)) if place.1 < plain.1 => format!(
+            Some((other, spp, place, plain)) if place.1 < WINS * plain.1 => format!(
                 "At {spp} spp '{}' has the lowest {metric}, {} of the plain estimate's, in {} times \
                  its time; {more}.",
                 other.method,
@@ -205,7 +239,8 @@ impl<'a> Duels<'a> {
             ),
             Some((_, spp, ..)) => {
                 format!(
-                    "At {spp} spp no method has a lower {metric} than the plain estimate; {more}."
+                    "At {spp} spp no method's {metric} is lower than the plain estimate's by more \
+                     than 1 %; {more}."
                 )
             }
             None => format!("No time was measured both of '{PLAIN}' and another method; {more}."),

@@ -33,10 +33,11 @@ pub(crate) struct Curve {
     pub(crate) method: String,
     /// At least one; from the fewest samples per pixel.
     pub(crate) points: Vec<Point>,
-    /// The points with a place, from the fastest; of those that take the same time, the best.
+    /// Seconds and the best point that they buy, from the fastest: a budget may always be spent
+    /// on a better point that takes less. The last may have the point before it again.
     placed: Vec<(f64, Point)>,
     /// Where the error is known beyond the points, as it is in inverse proportion to the
-    /// samples: the seconds of a job that do not depend on them.
+    /// samples: the seconds of the last point that do not depend on them.
     overhead: Option<f64>,
 }
 
@@ -70,9 +71,8 @@ impl Curves {
         for i in front(&places) {
             placed[i].on_front = true;
         }
-        let curve = |(method, points): (&str, Vec<Point>)| Curve {
-            overhead: overhead(summaries, method, metric),
-            ..Curve::new(method, points)
+        let curve = |(method, points): (&str, Vec<Point>)| {
+            Curve::new(method, points, |spp| overhead(summaries, method, spp, metric))
         };
         Self { metric, curves: methods.into_iter().map(curve).collect() }
     }
@@ -89,16 +89,35 @@ impl Curves {
 }
 
 impl Curve {
-    fn new(method: &str, points: Vec<Point>) -> Self {
-        let mut placed: Vec<_> = points.iter().filter(|point| point.place().is_some()).collect();
-        let place = |point: &Point| point.place().unwrap_or_default();
-        placed.sort_by(|a, b| order(place(a), place(b)));
-        placed.dedup_by_key(|point| point.seconds);
-        let placed = placed.into_iter().map(|point| (place(point).0, *point)).collect();
-        Self { method: method.to_owned(), points, placed, overhead: None }
+    /// A curve of these points; `overhead` gives that of the point of a sample count.
+    fn new(method: &str, points: Vec<Point>, overhead: impl Fn(u32) -> Option<f64>) -> Self {
+        let mut all: Vec<(f64, f64, Point)> = points
+            .iter()
+            .filter_map(|point| point.place().map(|(seconds, error)| (seconds, error, *point)))
+            .collect();
+        all.sort_by(|a, b| order((a.0, a.1), (b.0, b.1)));
+        let longest = all.last().map(|last| last.0);
+        let mut placed: Vec<(f64, Point)> = Vec::new();
+        for (seconds, error, point) in all {
+            if placed.last().is_none_or(|(_, best)| error < best.error) {
+                placed.push((seconds, point));
+            }
+        }
+        let overhead = placed.last().and_then(|(_, last)| overhead(last.spp));
+        if let (Some(longest), Some(&(last, best)), None) = (longest, placed.last(), overhead)
+            && longest > last
+        {
+            placed.push((longest, best));
+        }
+        Self { method: method.to_owned(), points, placed, overhead }
     }
 
-    /// The measured times at which the error is above 0, from the shortest, each once.
+    /// Whether no other point of this method is at least as fast and as good.
+    pub(super) fn is_useful(&self, point: &Point) -> bool {
+        self.placed.iter().any(|(_, useful)| useful == point)
+    }
+
+    /// The measured times that buy a better error than shorter ones, and the longest of all.
     pub(crate) fn times(&self) -> impl Iterator<Item = f64> {
         self.placed.iter().map(|(seconds, _)| *seconds)
     }
@@ -130,7 +149,7 @@ impl Curve {
         let after = self.placed.partition_point(|(time, _)| *time < seconds);
         let Some((late_time, late)) = self.placed.get(after) else {
             let ((last_time, last), overhead) = (self.placed.last()?, self.overhead?);
-            return Some(value(last)? * (last_time - overhead) / (seconds - overhead));
+            return Some(value(last)? * ((last_time - overhead) / (seconds - overhead)));
         };
         if *late_time == seconds {
             return value(late);
@@ -142,12 +161,12 @@ impl Curve {
     }
 }
 
-/// The seconds of plain sampling that do not depend on the samples, if both are known; `None`
-/// for other methods, and for metrics that are no squares.
-fn overhead(summaries: &[Summary], method: &str, metric: Metric) -> Option<f64> {
-    let of_plain = |it: &&Summary| it.method == PLAIN && method == PLAIN && metric != Metric::Smape;
-    let last = summaries.iter().filter(of_plain).max_by_key(|it| it.spp)?;
-    let (total, render) = (last.seconds.total?, last.seconds.render?);
+/// The seconds of plain sampling with this many samples that do not depend on them, if both are
+/// known; `None` for other methods, and for metrics that are no squares.
+fn overhead(summaries: &[Summary], method: &str, spp: u32, metric: Metric) -> Option<f64> {
+    let squared = method == PLAIN && metric != Metric::Smape;
+    let it = summaries.iter().find(|it| squared && it.method == PLAIN && it.spp == spp)?;
+    let (total, render) = (it.seconds.total?, it.seconds.render?);
     (render > 0.0 && render <= total).then_some(total - render)
 }
 
@@ -187,7 +206,7 @@ mod tests {
             interval: None,
             on_front: false,
         };
-        Curve::new("m", places.iter().enumerate().map(point).collect())
+        Curve::new("m", places.iter().enumerate().map(point).collect(), |_| None)
     }
 
     #[test]
@@ -205,6 +224,22 @@ mod tests {
         assert!(curve.times().eq([1.0, 4.0, 16.0]));
     }
 
+    /// The first point is a cold start: slower and worse than the second.
+    #[test]
+    fn a_budget_is_spent_on_the_better_point() {
+        let cold = curve(&[(8.0, 2.0), (1.0, 1.0), (2.0, 0.5), (9.0, 0.6)]);
+        for (seconds, expected) in [(1.0, 1.0), (2.0, 0.5), (5.0, 0.5), (8.0, 0.5), (9.0, 0.5)] {
+            assert_eq!(cold.error_at(seconds), Some(expected), "{seconds}");
+        }
+        assert_eq!([cold.error_at(0.9), cold.error_at(9.1)], [None, None]);
+        assert_eq!(cold.span(), Some([1.0, 9.0]));
+        let useful = cold.points.iter().map(|point| cold.is_useful(point));
+        assert!(useful.eq([false, true, true, false]));
+        // Plain sampling goes on from the better point, not from the slow one.
+        let warm = Curve::new("m", cold.points, |spp| (spp == 4).then_some(0.0));
+        assert_eq!([warm.error_at(4.0), warm.error_at(20.0)], [Some(0.25), Some(0.05)]);
+    }
+
     #[test]
     fn points_that_take_the_same_time() {
         let twice = curve(&[(1.0, 3.0), (1.0, 2.0), (4.0, 1.0)]);
@@ -216,10 +251,10 @@ mod tests {
     #[test]
     fn intervals_at_equal_time() {
         let mut points = curve(&[(1.0, 4.0), (4.0, 1.0)]).points;
-        assert_eq!(Curve::new("m", points.clone()).interval_at(2.0), None);
+        assert_eq!(Curve::new("m", points.clone(), |_| None).interval_at(2.0), None);
         points[0].interval = Some([-1.0, 16.0]);
         points[1].interval = Some([0.5, 4.0]);
-        let curve = Curve::new("m", points);
+        let curve = Curve::new("m", points, |_| None);
         let [low, high] = curve.interval_at(2.0).expect("between measured points");
         assert!(low > 0.0 && low < 1e-100 && (high - 8.0).abs() < 1e-12, "{low} {high}");
     }

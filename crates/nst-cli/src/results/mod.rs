@@ -14,6 +14,7 @@ mod metric;
 mod pictures;
 mod read;
 mod row;
+mod scene;
 mod statistics;
 mod summary;
 pub(crate) mod text;
@@ -23,9 +24,11 @@ pub(crate) use curves::{Curve, Curves, Point};
 pub(crate) use metric::Metric;
 #[cfg(feature = "render")]
 pub(crate) use pictures::layer_of;
-pub(crate) use pictures::{beside, method_of};
-pub(crate) use read::Results;
+pub(crate) use pictures::{belongs, beside, check_name, method_of};
 #[cfg(feature = "render")]
-pub(crate) use read::read_rows;
-pub(crate) use row::{PLAIN, Row, SCHEMA};
+pub(crate) use read::parse_table;
+#[cfg(any(feature = "render", test))]
+pub(crate) use row::Row;
+pub(crate) use row::{PLAIN, SCHEMA};
+pub(crate) use scene::Results;
 pub(crate) use summary::Summary;

@@ -32,7 +32,8 @@ pub(crate) struct Row {
     /// The mean squared error without the 0.1 % of pixels whose errors are the largest.
     pub(crate) mse_trimmed: Option<f64>,
     /// The squared bias: the mean of (a − R₁)(b − R₂), where a is this run, and b the other
-    /// one of a pair; both rows have the same value. Unbiased, so it may be negative.
+    /// one of a pair; both rows have the same value. Unbiased, so it may be negative. Runs
+    /// without a partner have none.
     pub(crate) bias2: Option<f64>,
     /// What the method itself says its MSE is.
     pub(crate) predicted_mse: Option<f64>,
@@ -60,6 +61,10 @@ pub(crate) struct Row {
     pub(crate) height: u32,
     /// The reference's own MSE.
     pub(crate) reference_mse: Option<f64>,
+    /// A hash of the reference's pixels, or of those of its halves; empty where it is not known.
+    pub(crate) reference: String,
+    /// Samples per pixel of each half of the reference, if it was rendered.
+    pub(crate) reference_spp: Option<u32>,
     /// The scene's fingerprint, which names what its pixels depend on; empty where it is not known.
     pub(crate) fingerprint: String,
     /// The seed of the run's random numbers.
@@ -81,6 +86,26 @@ pub(crate) struct Row {
 }
 
 impl Row {
+    /// In what two rows differ that must agree within a table, and wherever tables are joined;
+    /// and what both have. A reference that is not known may be any of the same error.
+    pub(crate) fn difference(&self, other: &Self) -> Option<(&'static str, [String; 2])> {
+        let size = |row: &Self| format!("{}x{}", row.width, row.height);
+        let text = |mse: Option<f64>| mse.map_or_else(String::new, |mse| mse.to_string());
+        let both = |field: fn(&Self) -> &String| [self, other].map(|row| field(row).clone());
+        let mut references = both(|row| &row.reference);
+        if references.iter().any(String::is_empty) {
+            references = [self, other].map(|row| text(row.reference_mse));
+        }
+        let all = [
+            ("scene", both(|row| &row.scene)),
+            ("scene (fingerprint)", both(|row| &row.fingerprint)),
+            ("size", [self, other].map(size)),
+            ("sampler", both(|row| &row.sampler)),
+            ("reference", references),
+        ];
+        all.into_iter().find(|(_, [a, b])| a != b)
+    }
+
     /// The names of the columns, in their order.
     pub(super) fn columns() -> csv::StringRecord {
         let mut writer = csv::Writer::from_writer(Vec::new());
@@ -95,13 +120,46 @@ impl Row {
 mod tests {
     use super::*;
 
+    #[test]
+    fn rows_of_one_table_agree() {
+        let row = Row {
+            scene: "a".into(),
+            width: 4,
+            height: 2,
+            reference: "1e9".into(),
+            reference_mse: Some(0.5),
+            ..Row::default()
+        };
+        let unknown = Row { reference: String::new(), ..row.clone() };
+        let allowed = Row { machine: "another".into(), seed: Some(3), ..row.clone() };
+        for other in [&row, &unknown, &allowed] {
+            assert_eq!(row.difference(other), None, "{other:?}");
+        }
+        let values = |a: &str, b: &str| [a.to_owned(), b.to_owned()];
+        for (other, what, both) in [
+            (Row { scene: "b".into(), ..row.clone() }, "scene", values("a", "b")),
+            (
+                Row { fingerprint: "x".into(), ..row.clone() },
+                "scene (fingerprint)",
+                values("", "x"),
+            ),
+            (Row { height: 3, ..row.clone() }, "size", values("4x2", "4x3")),
+            (Row { sampler: "halton".into(), ..row.clone() }, "sampler", values("", "halton")),
+            (Row { reference: "2".into(), ..row.clone() }, "reference", values("1e9", "2")),
+            (Row { reference_mse: None, ..unknown }, "reference", values("0.5", "")),
+        ] {
+            assert_eq!(row.difference(&other), Some((what, both)));
+        }
+    }
+
     /// The table is a format that other programs read.
     #[test]
     fn the_columns_have_their_order() {
         let columns = "scene method spp run mse relmse smape mse_trimmed bias2 predicted_mse \
-                       predicted_ratio predicted_low predicted_high load_seconds render_seconds transform_seconds transform_warm_seconds \
-                       io_seconds total_seconds width height reference_mse fingerprint seed sampler threads \
-                       machine adapter version schema failure";
+                       predicted_ratio predicted_low predicted_high load_seconds render_seconds \
+                       transform_seconds transform_warm_seconds \
+                       io_seconds total_seconds width height reference_mse reference reference_spp \
+                       fingerprint seed sampler threads machine adapter version schema failure";
         assert_eq!(Row::columns(), columns.split_whitespace().collect::<Vec<_>>());
     }
 }

@@ -21,10 +21,13 @@ impl Spread {
         values.sort_by(f64::total_cmp);
         let count = values.len();
         let interval = (count > 1).then(|| {
-            let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+            // Relative to the largest, whose square may be beyond the range of f64.
+            let largest = values.iter().fold(f64::MIN_POSITIVE, |most, x| most.max(x.abs()));
+            let squares: f64 =
+                values.iter().map(|x| ((x / largest) - mean / largest).powi(2)).sum();
             let variance_of_mean = squares / (count - 1) as f64 / count as f64;
-            let half = student_t(count - 1) * variance_of_mean.sqrt();
-            [mean - half, mean + half]
+            let half = student_t(count - 1) * variance_of_mean.sqrt() * largest;
+            [mean - half, mean + half].map(|end| end.clamp(f64::MIN, f64::MAX))
         });
         let (median, p95) = (quantile(&values, 0.5), quantile(&values, 0.95));
         Some(Self { mean, interval, median, p95 })
@@ -33,7 +36,12 @@ impl Spread {
 
 /// `None` if there are no values.
 pub(super) fn mean(values: &[f64]) -> Option<f64> {
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    let count = values.len() as f64;
+    let sum: f64 = values.iter().sum();
+    // A sum beyond the range of f64 has a mean within it.
+    let mean =
+        if sum.is_finite() { sum / count } else { values.iter().map(|value| value / count).sum() };
+    (!values.is_empty()).then_some(mean)
 }
 
 /// `None` if there are no values.
@@ -113,6 +121,17 @@ mod tests {
         // The check sees another number of runs, and another value.
         assert!(!near(low, 3.0 - 2.7764 * (7.0_f64 / 6.0).sqrt(), 1e-3));
         assert_ne!(Spread::of([6.0, 1.0, 3.0, 2.1]), Some(spread));
+    }
+
+    /// Sums and squares of them are beyond the range of f64.
+    #[test]
+    fn huge_values() {
+        let spread = Spread::of([1e308, 1.2e308]).expect("values");
+        assert!(near(spread.mean / 1.1e308, 1.0, 1e-12), "{spread:?}");
+        let [low, high] = spread.interval.expect("two runs");
+        // Half of their distance, times Student's t.
+        assert!(near(low / (1.1e308 - 12.7062 * 0.1e308), 1.0, 1e-9), "{low}");
+        assert_eq!(high, f64::MAX);
     }
 
     #[test]

@@ -6,6 +6,7 @@ use super::{
     metric::Metric,
     row::Row,
     statistics::{Spread, mean, median},
+    text::number,
 };
 
 /// What the runs of one method at one sample count have in common. What no run has is `None`.
@@ -26,7 +27,8 @@ pub(crate) struct Summary {
     pub(crate) predicted_mse: Option<f64>,
     /// Medians of the times.
     pub(crate) seconds: Seconds,
-    /// Why a run failed: the first reason.
+    /// Why a run failed, the first reason; or why the mean of the runs is not judged, which has
+    /// no error then.
     pub(crate) failure: Option<String>,
 }
 
@@ -65,13 +67,17 @@ impl Summary {
         }
         let average = |field: fn(&Row) -> Option<f64>| mean(&all(rows, field).collect::<Vec<_>>());
         let middle = |field: fn(&Row) -> Option<f64>| median(all(rows, field));
+        // The mean decides: if single runs did, the unlucky ones would be left.
+        let unjudged = unjudged(average(|row| row.mse), average(|row| row.reference_mse));
+        let judged = unjudged.is_none();
+        let errors = |metric: Metric| Spread::of(all(rows, move |row| metric.of(row)));
         Self {
             method: rows[0].method.clone(),
             spp: rows[0].spp,
             runs: all(rows, |row| row.mse).count(),
-            errors: Metric::ALL.map(|metric| Spread::of(all(rows, move |row| metric.of(row)))),
-            bias2: average(|row| row.bias2),
-            variance: average(|row| Some(row.mse? - row.bias2?)),
+            errors: Metric::ALL.map(|metric| errors(metric).filter(|_| judged)),
+            bias2: average(|row| row.bias2).filter(|_| judged),
+            variance: average(|row| Some(row.mse? - row.bias2?)).filter(|_| judged),
             predicted_mse: average(|row| row.predicted_mse),
             seconds: Seconds {
                 load: middle(|row| row.load_seconds),
@@ -81,7 +87,7 @@ impl Summary {
                 io: middle(|row| row.io_seconds),
                 total: middle(|row| row.total_seconds),
             },
-            failure: rows.iter().find_map(|row| row.failure.clone()),
+            failure: rows.iter().find_map(|row| row.failure.clone()).or(unjudged),
         }
     }
 
@@ -90,6 +96,17 @@ impl Summary {
         let place = Metric::ALL.iter().position(|it| *it == metric).expect("ALL has every metric");
         self.errors[place]
     }
+}
+
+/// Why a mean error is not judged, if it is below the reference's own.
+fn unjudged(mse: Option<f64>, own: Option<f64>) -> Option<String> {
+    let (mse, own) = mse.zip(own).filter(|(mse, own)| mse < own)?;
+    Some(format!(
+        "its mean MSE, {}, is below the reference's own, {}; judge it by a reference of more \
+         samples per pixel (--reference-spp)",
+        number(mse, 2),
+        number(own, 2)
+    ))
 }
 
 #[cfg(test)]
@@ -125,5 +142,28 @@ mod tests {
         assert_eq!((first.bias2, first.variance), (Some(0.5), Some(2.5)));
         assert_eq!((first.seconds.total, first.seconds.io), (Some(3.0), None));
         assert_eq!((failed.runs, failed.failure.as_deref()), (1, Some("too dark")));
+    }
+
+    /// Of runs around the reference's own error, none is dropped: the worse ones alone would
+    /// have too large a mean.
+    #[test]
+    fn the_mean_is_judged() {
+        let of = |errors: [f64; 3]| {
+            let runs = errors.iter().zip(0..).map(|(&mse, run)| Row {
+                reference_mse: Some(1.0),
+                relmse: Some(mse),
+                bias2: Some(0.1),
+                ..row("none", 8, run, mse, 1.0)
+            });
+            Summary::all(&runs.collect::<Vec<_>>()).remove(0)
+        };
+        let above = of([0.7, 0.9, 1.7]);
+        let mean = above.error(Metric::Mse).map(|mse| mse.mean).expect("it is judged");
+        assert!((mean - 1.1).abs() < 1e-12, "{mean}");
+        assert_eq!((above.runs, above.failure), (3, None));
+        let below = of([0.7, 0.5, 1.5]);
+        assert_eq!((below.runs, below.errors, below.bias2), (3, [None; 4], None));
+        let why = below.failure.expect("a reason");
+        assert!(why.contains("0.9, is below the reference's own, 1;"), "{why}");
     }
 }

@@ -11,6 +11,9 @@ use std::{
 use nst_files::picture::Picture;
 use tempfile::TempDir;
 
+#[allow(dead_code, reason = "only benches write tables")]
+pub(crate) mod tables;
+
 /// Programs that a test starts from now on end at Ctrl-C and SIGHUP, as programs do. Without
 /// it, they ignore both where the tests themselves run under `nohup` or behind `&`.
 #[cfg(unix)]

@@ -167,12 +167,20 @@ fn is_ours(software: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ColorModel, output_file::OutputFile, outputs::Outputs, picture_writer::write_exr};
+    use crate::{
+        ColorModel,
+        output_file::OutputFile,
+        outputs::Outputs,
+        picture_writer::{PictureInfo, write_exr},
+    };
 
     fn write(path: &Path, kind: Kind) -> Result<(), Error> {
         let mut output = OutputFile::create(path)?;
         match kind {
-            Kind::Picture => write_exr(&mut output, [1, 1], ColorModel::Mono, &[("", &[1.0])])?,
+            Kind::Picture => {
+                let layers: [(&str, &[f32]); 1] = [("", &[1.0])];
+                write_exr(&mut output, [1, 1], ColorModel::Mono, &layers, &PictureInfo::default())?;
+            }
             Kind::Png => png::write(&mut output, [1, 1], &[0.0; 3])?,
             _ => unreachable!("not a picture"),
         }

@@ -72,7 +72,7 @@ impl RowReader {
 
     /// The channels in the order of [`Rows`], sorted by name.
     pub(crate) fn channels(&self) -> impl Iterator<Item = Channel> {
-        self.header().channels.list.iter().map(|c| (c.name.to_string(), c.sample_type))
+        self.header().channels.list.iter().map(|c| (text(&c.name), c.sample_type))
     }
 
     /// An attribute that is not one of EXR's own.

@@ -181,7 +181,8 @@ fn header<'a>(
 ) -> Header {
     let descriptions = channels
         .map(|(name, kind)| ChannelDescription {
-            name: latin1(name),
+            // As OpenEXR writes names.
+            name: Text::from_slice_unchecked(name.as_bytes()),
             sample_type: *kind,
             quantize_linearly: false,
             sampling: Vec2(1, 1),
@@ -197,19 +198,10 @@ fn header<'a>(
             Attribute::I32(number) => AttributeValue::I32(number),
             Attribute::F32(number) => AttributeValue::F32(number),
         };
-        layer.other.insert(latin1(&name), value);
+        layer.other.insert(Text::from_slice_unchecked(name.as_bytes()), value);
     }
     let size = Vec2(size[0] as usize, size[1] as usize);
     Header::new(Text::default(), size, descriptions)
         .with_encoding(Compression::ZIP16, BlockDescription::ScanLines, LineOrder::Increasing)
         .with_attributes(layer)
-}
-
-/// The exr crate takes names for Latin-1; other characters become question marks.
-fn latin1(text: &str) -> Text {
-    Text::new_or_none(text).unwrap_or_else(|| {
-        let replaced: String =
-            text.chars().map(|c| if u32::from(c) < 256 { c } else { '?' }).collect();
-        Text::new_or_none(replaced).unwrap_or_default()
-    })
 }

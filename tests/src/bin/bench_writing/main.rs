@@ -19,7 +19,7 @@ use nst_core::{Estimates, Keep, MlpCpu, Network, Side, Transform};
 use nst_files::{
     ColorModel,
     output::{OutputFile, commit},
-    picture_writer::write_exr,
+    picture_writer::{PictureInfo, write_exr},
     png,
 };
 use nst_render::{RenderSettings, SamplerKind, Scene, render};
@@ -214,7 +214,7 @@ impl Picture {
 
     fn exr(&self, file: &mut OutputFile) -> Result<(), nst_files::Error> {
         let layers = self.layers.each_ref().map(|(name, lanes)| (*name, &lanes[..]));
-        write_exr(file, self.size, ColorModel::Rgb, &layers)
+        write_exr(file, self.size, ColorModel::Rgb, &layers, &PictureInfo::default())
     }
 
     fn png(&self, file: &mut OutputFile) -> Result<(), nst_files::Error> {

@@ -8,7 +8,7 @@ const DEPTHS: std::ops::RangeInclusive<u32> = 1..=8;
 
 /// The options with which a scene is one that a built-in network was trained on, and the
 /// network. Only scenes of its name are tried: others differ in more than options.
-pub(super) fn options_with_a_network(scene: &Scene) -> Option<(String, &'static str)> {
+pub(in crate::commands) fn options_with_a_network(scene: &Scene) -> Option<(String, &'static str)> {
     let called = format!("scene:{}:v", scene.name);
     let networks: Vec<(&str, Network)> = Network::builtins()
         .filter_map(|builtin| Some((builtin.name(), builtin.network().ok()?)))

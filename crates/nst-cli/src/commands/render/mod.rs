@@ -1,6 +1,6 @@
 //! `nst render`: scene → sequence → transformation → pictures.
 
-mod advice;
+pub(super) mod advice;
 mod dataset;
 mod picture;
 mod resume;

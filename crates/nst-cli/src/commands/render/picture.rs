@@ -6,7 +6,7 @@ use nst_core::{Estimates, SequenceBatch};
 use nst_files::{
     ColorModel,
     output::{Kind, Name, OutputFile, Outputs},
-    picture_writer::write_exr,
+    picture_writer::{PictureInfo, write_exr},
     png,
     sequence_file::{ResumeInfo, SequenceInfo, SequenceWriter},
 };
@@ -151,8 +151,13 @@ impl Job<'_> {
             caught(|| method.transform.transform(&rendering.batch, &mut estimates))
         });
         let values = transformed.as_ref().map_or(rendering.batch.last(), |()| estimates.values());
-        written
-            .extend(timed(&mut watch.io, || write(scene.size, picture, &rendering.batch, values))?);
+        let info = PictureInfo {
+            samples_per_pixel: Some(samples),
+            render_seconds: Some(spent + rendering.time.as_secs_f32()),
+            ..PictureInfo::default()
+        };
+        let pictures = || write(scene.size, picture, &rendering.batch, values, &info);
+        written.extend(timed(&mut watch.io, pictures)?);
         if let Err(why) = transformed {
             let saved = format!("{} show the plain estimates", written.join(", "));
             return Err(Error::Transform { why: why.to_string(), saved });
@@ -245,11 +250,12 @@ fn write(
     mut files: PictureFiles,
     batch: &SequenceBatch,
     values: &[f32],
+    info: &PictureInfo,
 ) -> Result<Vec<String>, Error> {
     let layers = layers(batch, values);
     let PictureFiles { exr, png } = &mut files;
     let (exr_written, png_written) = rayon::join(
-        || exr.as_mut().map_or(Ok(()), |exr| write_exr(exr, size, ColorModel::Rgb, &layers)),
+        || exr.as_mut().map_or(Ok(()), |exr| write_exr(exr, size, ColorModel::Rgb, &layers, info)),
         || png::write(png, size, values),
     );
     exr_written.and(png_written)?;

@@ -11,14 +11,17 @@ mod table;
 
 use std::{fmt, io::Write, path::Path};
 
-use nst_files::output::{Kind, Name, OutputFile, Outputs};
+use nst_files::{
+    header::ExrHeader,
+    output::{Kind, Name, OutputFile, Outputs},
+};
 use serde::Serialize;
 
 use crate::{
     args::ReportArgs,
     chart::Chart,
     error::Error,
-    results::{Metric, Results, advice, beside},
+    results::{Metric, Results, advice, belongs, beside},
 };
 
 use comparer::{Comparer, Stored};
@@ -29,7 +32,8 @@ use table::{COLUMNS, Column, Line, Table};
 struct Data<'a> {
     scene: &'a str,
     headline: String,
-    advice: String,
+    /// By MSE and by relMSE.
+    advice: [String; 2],
     /// The first is shown, the others may be opened.
     charts: Vec<Figure>,
     columns: &'a [Column],
@@ -54,7 +58,7 @@ struct Figure {
 #[derive(Serialize)]
 pub(super) struct Report {
     scene: String,
-    advice: String,
+    advice: [String; 2],
     pictures: usize,
     bytes: usize,
     files: Vec<String>,
@@ -76,7 +80,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report, Error> {
     let mut data = Data {
         scene: results.scene(),
         headline: table::headline(&results, summaries),
-        advice: advice(&results, Metric::Mse),
+        advice: [Metric::Mse, Metric::RelMse].map(|metric| advice(&results, metric)),
         charts: figures(&results),
         columns: &COLUMNS,
         rows: table.lines(),
@@ -87,16 +91,17 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report, Error> {
     };
     let pictures = add_pictures(&mut data, args, &exr, &results, &table)?;
     let page = page::page(&data, &pictures);
+    let notes = match (&data.comparer, &data.no_pictures) {
+        (Some(comparer), _) => comparer.notes().to_vec(),
+        (None, why) => why.iter().cloned().collect(),
+    };
     let done = Report {
         scene: data.scene.to_owned(),
         advice: data.advice,
         pictures: pictures.len(),
         bytes: page.len(),
         files: vec![path.display().to_string()],
-        notes: match (&data.comparer, &data.no_pictures) {
-            (Some(comparer), _) => comparer.notes().to_vec(),
-            (None, why) => why.iter().cloned().collect(),
-        },
+        notes: [results.notes(), notes].concat(),
     };
     write(output, &page)?;
     Ok(done)
@@ -127,18 +132,11 @@ fn add_pictures(
     results: &Results,
     table: &Table<'_>,
 ) -> Result<Stored, Error> {
-    if !exr.exists() {
-        let missing = format!(
-            "'{}' is missing, the pictures that nst bench scene writes beside the table",
-            exr.display()
-        );
+    if let Some(why) = unusable(exr, args, results)? {
         if !args.picture.is_empty() {
-            return Err(Error::Usage(format!("--picture: there is no reference: {missing}")));
+            return Err(Error::Usage(format!("--picture: there is no reference: {why}")));
         }
-        data.no_pictures = Some(format!(
-            "There are no pictures to compare: {missing}. Measure again, or put that file there, \
-             and make this page again."
-        ));
+        data.no_pictures = Some(format!("There are no pictures to compare: {why}."));
         return Ok(Stored::new());
     }
     let sources = sources::sources(exr, &args.picture, results, table)?;
@@ -146,6 +144,36 @@ fn add_pictures(
     let (comparer, stored) = Comparer::new(&sources, results, used)?;
     data.comparer = Some(comparer);
     Ok(stored)
+}
+
+/// Why the file beside the table has no pictures for its page, if that is so. Pictures of
+/// another table look alike; those that do not say whose they are count if the user names
+/// their file.
+///
+/// # Errors
+/// [`Error::Unlike`] if they are those of another table.
+fn unusable(exr: &Path, args: &ReportArgs, results: &Results) -> Result<Option<String>, Error> {
+    let shown = exr.display();
+    if !exr.exists() {
+        return Ok(Some(format!(
+            "'{shown}' is missing, the pictures that nst bench scene writes beside the table; \
+             measure again, or put that file there, and make this page again"
+        )));
+    }
+    let same = |file: &Path| file.canonicalize().ok() == exr.canonicalize().ok();
+    let is_named = args.picture.iter().any(|picture| same(&picture.file));
+    match belongs(&ExrHeader::read(exr)?, &results.rows()[0]) {
+        Some(true) => Ok(None),
+        None if is_named => Ok(None),
+        Some(false) => Err(Error::Unlike(format!(
+            "'{shown}' has the pictures of another table, whose scene or reference is another; \
+             let nst bench scene end, or move the file away"
+        ))),
+        None => Ok(Some(format!(
+            "'{shown}' does not say whether its pictures are those of the table; if they are, \
+             name one of them: --picture NAME={shown}:LAYER"
+        ))),
+    }
 }
 
 fn file_name(path: &Path) -> String {
@@ -162,7 +190,11 @@ fn write(mut output: OutputFile, page: &str) -> Result<(), Error> {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{}", self.advice)?;
+        let [mse, relmse] = &self.advice;
+        writeln!(f, "{mse}")?;
+        if relmse != mse {
+            writeln!(f, "{relmse}")?;
+        }
         for note in &self.notes {
             writeln!(f, "note: {note}")?;
         }

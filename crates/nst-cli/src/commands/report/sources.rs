@@ -65,6 +65,15 @@ pub(super) fn sources(
             None => Source::new(picture, layer.name, u32::MAX),
         });
     }
+    for other in others {
+        let name = &other.name;
+        let is_name = |it: &&Source| it.name == *name || it.method.as_deref() == Some(name);
+        if sources.iter().filter(is_name).count() > 1 {
+            return Err(Error::Usage(format!(
+                "--picture {name}=…: the page has another picture of this name; choose another one"
+            )));
+        }
+    }
     sources.sort_by_key(|source| source.rank);
     Ok(sources)
 }

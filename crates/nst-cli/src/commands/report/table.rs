@@ -221,7 +221,6 @@ pub(super) fn failures(summaries: &[Summary]) -> Vec<String> {
 pub(super) fn headline(results: &Results, summaries: &[Summary]) -> String {
     let [width, height] = results.size();
     let methods = results.distinct(|row| &row.method).len();
-    let runs = summaries.iter().map(|it| it.runs).max().unwrap_or_default();
     let spp = summaries.iter().map(|it| it.spp);
     let counts = match (spp.clone().min(), spp.max()) {
         (Some(least), Some(most)) if least < most => format!("{least} to {most}"),
@@ -229,7 +228,7 @@ pub(super) fn headline(results: &Results, summaries: &[Summary]) -> String {
     };
     format!(
         "{width} × {height} pixels, {counts} samples per pixel, {}, {}",
-        counted(runs, "run"),
+        results.runs(),
         counted(methods, "method")
     )
 }

@@ -1,4 +1,7 @@
+use std::path::PathBuf;
+
 use super::*;
+use crate::results::{Metric, Results};
 
 /// A table in a temporary folder, and its path.
 fn stored(content: impl AsRef<[u8]>) -> (tempfile::TempDir, PathBuf) {
@@ -89,6 +92,12 @@ fn damaged_tables() {
     fails(table.replace(",8,1,", ",8.5,1,"), &["line 3", "column spp", "'8.5' is no whole number"]);
     fails(table.replace(",8,1,", ",-8,1,"), &["line 3", "column spp", "'-8' is no whole number"]);
     fails(table.replace(",8,1,", ",,1,"), &["line 3", "column spp"]);
+    // Lines that end as on Windows, an empty one, and old Macs'.
+    let windows = table.replace("2.5", "x").replace('\n', "\r\n");
+    fails(&windows, &["line 3", "column mse"]);
+    fails(windows.replacen("\r\n", "\r\n\r\n", 1), &["line 4", "column mse"]);
+    fails(windows.replace("\r\n", "\r"), &["line 3", "column mse"]);
+    fails(windows.replace(",x,", ",1,2,"), &["line 3", "fields"]);
     let cut = &table[..table.len() - 5];
     fails(cut, &["line 3", "fields"]);
     let mut bytes = table.clone().into_bytes();
@@ -128,6 +137,53 @@ fn tables_are_joined() {
     let (_fourth, large) = stored(text(&[Row { width: 8, ..row("a", "none", 2, 2.5) }]));
     let error = Results::read(&[a, large], None).expect_err("another film").to_string();
     assert!(error.contains("4x2") && error.contains("8x2"), "{error}");
+}
+
+/// What `nst bench scene` would not write into one table is not joined either.
+#[test]
+fn tables_that_do_not_fit_together() {
+    let (_first, a) = stored(text(&[row("a", "none", 0, 1.0)]));
+    let other = row("a", "none", 1, 2.0);
+    let joined = |changed: Row| {
+        let (_second, b) = stored(text(&[changed]));
+        Results::read(&[a.clone(), b], None)
+    };
+    for (what, changed) in [
+        ("fingerprint", Row { fingerprint: "a:v2:1".into(), ..other.clone() }),
+        ("sampler", Row { sampler: "halton".into(), ..other.clone() }),
+        ("reference", Row { reference_mse: Some(1e-3), ..other.clone() }),
+        ("size", Row { height: 3, ..other.clone() }),
+    ] {
+        let error = joined(changed).expect_err(what).to_string();
+        assert!(error.contains(what) && error.contains("one bench"), "{error}");
+    }
+    let elsewhere = Row { machine: "another".into(), version: "9.9".into(), ..other.clone() };
+    let notes = joined(elsewhere).expect("only times differ").notes().join(" ");
+    assert!(notes.contains("several machines") && notes.contains("several versions"), "{notes}");
+    let other = Row { threads: Some(2), ..other };
+    let (_third, c) = stored(text(&[other.clone(), Row { threads: Some(3), run: 2, ..other }]));
+    let notes = Results::read(&[c], None).expect("a table").notes().join(" ");
+    assert!(notes.contains("2 to 3 threads"), "{notes}");
+}
+
+/// Runs of two benches have the same numbers, but other seeds.
+#[test]
+fn runs_are_told_apart_by_their_seeds() {
+    let of_seeds = |seeds: [u64; 2]| {
+        let rows = seeds
+            .into_iter()
+            .zip(0..)
+            .map(|(seed, run)| Row { seed: Some(seed), ..row("a", "none", run, seed as f64) });
+        stored(text(&rows.collect::<Vec<_>>()))
+    };
+    let ((_first, a), (_second, b)) = (of_seeds([7, 8]), of_seeds([8, 9]));
+    let both = Results::read(&[a.clone(), b], None).expect("three runs");
+    let runs: Vec<_> = both.rows().iter().map(|row| (row.run, row.seed)).collect();
+    assert_eq!(runs, [(0, Some(7)), (1, Some(8)), (2, Some(9))]);
+    assert_eq!(both.summaries()[0].error(Metric::Mse).map(|mse| mse.mean), Some(8.0));
+    let (_third, c) = stored(text(&[Row { seed: Some(7), ..row("a", "none", 5, 7.5) }]));
+    let error = Results::read(&[a, c], None).expect_err("another run of seed 7").to_string();
+    assert!(error.contains("twice"), "{error}");
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! `nst bench scene`: the errors and times of methods on runs of one scene, one row each.
 
+mod cache;
 mod measure;
+mod methods;
 mod pictures;
 mod reference;
 mod report;
@@ -14,6 +16,7 @@ use nst_render::{LoadOptions, SamplerKind, Scene};
 
 use crate::{
     args::{BenchSceneArgs, TransformArg},
+    commands::check_distinct,
     error::Error,
     interrupt,
     progress::Progress,
@@ -21,7 +24,8 @@ use crate::{
     results::{PLAIN, Results, Row, beside},
     words::counted,
 };
-use measure::{Meter, Methods};
+use measure::Meter;
+use methods::Methods;
 use reference::Reference;
 use report::Report;
 use source::{Origin, Run, Source};
@@ -40,6 +44,7 @@ const PATHS_PER_METHOD: u64 = 8;
 
 pub(super) fn run(args: &BenchSceneArgs) -> Result<Done, Error> {
     check_seeds(args)?;
+    check_distinct(&[&args.reference[..], &args.sequence].concat())?;
     let mut inputs: Vec<_> = args.reference.iter().chain(&args.weights).cloned().collect();
     inputs.extend(args.picture.iter().map(|picture| picture.file.clone()));
     inputs.extend(args.sequence.clone());
@@ -51,7 +56,12 @@ pub(super) fn run(args: &BenchSceneArgs) -> Result<Done, Error> {
     let mut outputs = Outputs::of_inputs(&inputs);
     drop(outputs.open(&args.output, Kind::Csv, Name::Given)?);
     let pictures = outputs.open(&beside(&args.output), Kind::Picture, Name::Default)?;
-    let reference = reference(args, given, &source)?;
+    let mut table = Table::open(&args.output)?;
+    let first_seed = matches!(source, Source::Scene { .. }).then_some(args.seed);
+    let example = |row: Row| Row { method: PLAIN.into(), seed: first_seed, ..row };
+    table.check_all_but_reference(example(origin.row()))?;
+    let mut methods = methods(args)?;
+    let reference = reference(args, given, &source, &table)?;
     if reference.size != origin.size {
         let [[w, h], [width, height]] = [reference.size, origin.size];
         return Err(Error::Unlike(format!(
@@ -60,28 +70,38 @@ pub(super) fn run(args: &BenchSceneArgs) -> Result<Done, Error> {
     }
     let meter = Meter { origin: &origin, reference: &reference, loading: source.loading() };
     let others = pictures::others(&meter, &args.picture)?;
-    let asked = if args.transform.is_empty() {
-        TransformArg::all().collect()
-    } else {
-        args.transform.clone()
-    };
-    let mut methods = Methods::new(&asked, &args.weights, args.backend)?;
-    if let Some(name) = methods.names().find(|name| args.picture.iter().any(|it| it.name == **name))
-    {
-        return Err(Error::Usage(format!("--picture {name}=…: a method has this name already")));
-    }
-    let first_seed = matches!(source, Source::Scene { .. }).then_some(args.seed);
-    let example = Row { method: PLAIN.into(), seed: first_seed, ..meter.blank() };
-    let mut table = Table::open(&args.output, &example)?;
-    table.retain(|method| {
-        TransformArg::named(method).is_some() || methods.names().all(|it| it != method)
+    table.check(example(meter.blank()))?;
+    table.check_sequences(source.sequences())?;
+    // Networks of files may have changed.
+    table.drop_rows(|row| {
+        TransformArg::named(&row.method).is_none() && methods.names().any(|it| it == row.method)
     });
     measure(args, &meter, &source, &mut methods, &mut table)?;
     table.add(pictures::rows(&others))?;
     let results = Results::of(table.rows().iter().cloned())?;
     let files = [&args.output, pictures.path()].map(|path| path.display().to_string());
+    let mut notes: Vec<String> = reference.notes().into_iter().collect();
+    notes.extend(methods.notes(&source, &origin)?);
     pictures::write(&meter, &source, &mut methods, others, &results, pictures)?;
-    Ok(Done::whole(Report::of(&results, files.into())))
+    Ok(Done::whole(Report::of(&results, notes, files.into())))
+}
+
+/// The methods of the command line.
+fn methods(args: &BenchSceneArgs) -> Result<Methods, Error> {
+    let asked = if args.transform.is_empty() {
+        TransformArg::all().collect()
+    } else {
+        args.transform.clone()
+    };
+    let methods = Methods::new(&asked, &args.weights, args.backend)?;
+    for name in args.picture.iter().map(|picture| &picture.name) {
+        if methods.can_make(name) {
+            return Err(Error::Usage(format!(
+                "--picture {name}=…: a method has this name already"
+            )));
+        }
+    }
+    Ok(methods)
 }
 
 /// The reference that was given, or one that is rendered.
@@ -89,12 +109,14 @@ fn reference(
     args: &BenchSceneArgs,
     given: Option<Reference>,
     source: &Source,
+    table: &Table,
 ) -> Result<Reference, Error> {
     match (given, source) {
         (Some(reference), _) => Ok(reference),
         (None, Source::Scene { scene, .. }) => {
             let largest = args.spp.iter().copied().max().unwrap_or_default();
-            let spp = args.reference_spp.unwrap_or(largest.saturating_mul(REFERENCE_FACTOR));
+            let default = largest.saturating_mul(REFERENCE_FACTOR);
+            let spp = table.reference_spp(args.reference_spp, default)?;
             Reference::render(scene, spp, &args.common)
         }
         (None, Source::Files(_)) => unreachable!("clap asks for a reference"),
@@ -143,7 +165,8 @@ fn source(
         sampler: sampler.to_string(),
         size: scene.size,
     };
-    Ok((Source::Scene { scene: Box::new(scene), loading, sampler, seed: args.seed }, origin))
+    let (scene, seed, spp) = (Box::new(scene), args.seed, args.spp.clone());
+    Ok((Source::Scene { scene, loading, sampler, seed, spp }, origin))
 }
 
 /// A size of the same shape, whose longer side is not larger than this.
@@ -164,8 +187,8 @@ fn measure(
     methods: &mut Methods,
     table: &mut Table,
 ) -> Result<(), Error> {
-    let window = methods.window(meter.origin)?;
     let names: Vec<String> = methods.names().map(str::to_owned).collect();
+    let window = methods.window(names.iter().map(String::as_str), meter.origin)?;
     let lacks = |table: &Table, spp: u32, run: u32| {
         names.iter().filter(|name| !table.has(name, spp, run)).count() as u64
     };
@@ -195,6 +218,7 @@ fn measure(
         let mut batches: Vec<Run> = Vec::new();
         for &run in runs {
             batches.push(source.run(*spp, run, window)?);
+            meter.check_independent(&batches[batches.len() - 1])?;
             if interrupt::asked() {
                 return Err(stopped());
             }

@@ -24,7 +24,10 @@ pub(super) struct Report {
     failures: Vec<Failure>,
     /// Which method to pick, by MSE and by relMSE.
     advice: [String; 2],
+    notes: Vec<String>,
     files: Vec<String>,
+    #[serde(skip)]
+    runs: String,
 }
 
 /// A method at one sample count.
@@ -49,11 +52,11 @@ struct Failure {
 }
 
 impl Report {
-    pub(super) fn of(results: &Results, files: Vec<String>) -> Self {
+    pub(super) fn of(results: &Results, notes: Vec<String>, files: Vec<String>) -> Self {
         let summaries = results.summaries();
         let means = summaries.iter().filter_map(|it| {
             let (mse, relmse) = (it.error(Metric::Mse)?.mean, it.error(Metric::RelMse)?.mean);
-            let plain = |metric| results.error(PLAIN, it.spp, metric);
+            let plain = |metric| results.error(PLAIN, it.spp, metric).filter(|&plain| plain > 0.0);
             Some(Mean {
                 method: it.method.clone(),
                 spp: it.spp,
@@ -78,7 +81,9 @@ impl Report {
             means: means.collect(),
             failures: failures.collect(),
             advice: [Metric::Mse, Metric::RelMse].map(|metric| advice(results, metric)),
+            notes,
             files,
+            runs: results.runs(),
         }
     }
 
@@ -99,8 +104,7 @@ impl Report {
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { scene, width, height, .. } = self;
-        let runs = self.means.iter().map(|it| it.runs).max().unwrap_or_default();
-        write!(f, "{scene}, {width}x{height} pixels, {}", counted(runs, "run"))?;
+        write!(f, "{scene}, {width}x{height} pixels, {}", self.runs)?;
         match self.reference_mse {
             Some(own) => writeln!(f, "; the reference's own MSE is {own:.1e}")?,
             None => writeln!(f, "; the reference's own error is not known")?,
@@ -111,6 +115,9 @@ impl fmt::Display for Report {
         }
         if self.failures.len() > MOST_LISTED {
             writeln!(f, "failed     and {} more", self.failures.len() - MOST_LISTED)?;
+        }
+        for note in &self.notes {
+            writeln!(f, "note       {note}")?;
         }
         writeln!(f, "by MSE     {}", self.advice[0])?;
         writeln!(f, "by relMSE  {}", self.advice[1])?;
@@ -135,11 +142,7 @@ impl Report {
             write!(f, "{name:width$}")?;
             for &spp in &counts {
                 let found = self.means.iter().find(|it| it.method == *name && it.spp == spp);
-                let cell = |value: Option<f64>| match value {
-                    None => format!("{:>9}", "–"),
-                    Some(value) if *name == PLAIN => format!("{value:>9.1e}"),
-                    Some(value) => format!("{value:>9.3}"),
-                };
+                let cell = |value: Option<f64>| format!("{:>9}", cell(value, *name == PLAIN));
                 let (mse, relmse) = match found {
                     None => (None, None),
                     Some(it) if *name == PLAIN => (Some(it.mse), Some(it.relmse)),
@@ -156,5 +159,39 @@ impl Report {
             more => format!("; {} in the table", counted(more, "more method")),
         };
         writeln!(f, "'{PLAIN}' in numbers, the others relative to it{more}")
+    }
+}
+
+/// A number of the printed table, which has 8 columns for it.
+fn cell(value: Option<f64>, scientific: bool) -> String {
+    match value.filter(|value| value.is_finite()) {
+        None => "–".to_owned(),
+        Some(value) if scientific => format!("{value:.1e}"),
+        // A ratio that is large, or would be rounded to 0.
+        Some(value) if !(1e-3..1e4).contains(&value.abs()) && value != 0.0 => {
+            format!("{value:.1e}")
+        }
+        Some(value) => format!("{value:.3}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_fit_their_columns() {
+        for (value, plain, other) in [
+            (Some(0.12345), "1.2e-1", "0.123"),
+            (Some(1234.5), "1.2e3", "1234.500"),
+            (Some(-123_456.7), "-1.2e5", "-1.2e5"),
+            (Some(1.5e-7), "1.5e-7", "1.5e-7"),
+            (Some(0.0), "0.0e0", "0.000"),
+            (Some(f64::NAN), "–", "–"),
+            (Some(f64::INFINITY), "–", "–"),
+            (None, "–", "–"),
+        ] {
+            assert_eq!([cell(value, true), cell(value, false)], [plain, other]);
+        }
     }
 }

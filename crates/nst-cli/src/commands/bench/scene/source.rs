@@ -6,7 +6,13 @@ use nst_core::{Keep, SequenceBatch};
 use nst_files::sequence_file::{SequenceFile, SequenceReader};
 use nst_render::{Control, RenderSettings, SamplerKind, Scene, render_from};
 
-use crate::{args::BenchSceneArgs, error::Error, interrupt};
+use crate::{
+    args::BenchSceneArgs,
+    error::Error,
+    interrupt,
+    results::{Row, SCHEMA},
+    system,
+};
 
 /// What is rendered, or read.
 pub(super) enum Source {
@@ -17,6 +23,8 @@ pub(super) enum Source {
         sampler: SamplerKind,
         /// The seed of the first run.
         seed: u64,
+        /// Sample counts of the runs.
+        spp: Vec<u32>,
     },
     /// Each file is a run at its own sample count.
     Files(Vec<File>),
@@ -25,10 +33,12 @@ pub(super) enum Source {
 /// A sequence file, of which the header was read.
 pub(super) struct File {
     path: PathBuf,
-    spp: u32,
+    /// The samples of its terms.
+    counts: Vec<u32>,
+    pub(super) spp: u32,
     /// Among the files of its sample count.
-    run: u32,
-    seed: Option<u64>,
+    pub(super) run: u32,
+    pub(super) seed: Option<u64>,
 }
 
 /// Sequences to be transformed.
@@ -46,6 +56,25 @@ pub(super) struct Origin {
     pub(super) fingerprint: String,
     pub(super) sampler: String,
     pub(super) size: [u32; 2],
+}
+
+impl Origin {
+    /// A row that has what all runs have in common, and nothing else.
+    pub(super) fn row(&self) -> Row {
+        let Self { scene, fingerprint, sampler, size: [width, height] } = self;
+        Row {
+            scene: scene.clone(),
+            width: *width,
+            height: *height,
+            fingerprint: fingerprint.clone(),
+            sampler: sampler.clone(),
+            threads: Some(rayon::current_num_threads() as u32),
+            machine: system::processor(),
+            version: system::VERSION.to_owned(),
+            schema: SCHEMA,
+            ..Row::default()
+        }
+    }
 }
 
 impl Source {
@@ -85,7 +114,15 @@ impl Source {
             let spp = info.samples();
             let run = files.iter().filter(|file| file.spp == spp).count() as u32;
             let seed = info.seeds.first().copied();
-            files.push(File { path: path.clone(), spp, run, seed });
+            let twice = |file: &&File| file.spp == spp && seed.is_some() && file.seed == seed;
+            if let Some(earlier) = files.iter().find(twice) {
+                return Err(Error::Usage(format!(
+                    "'{}' and '{}' have the same seed, and are one run; name it once",
+                    earlier.path.display(),
+                    path.display()
+                )));
+            }
+            files.push(File { path: path.clone(), counts: info.sample_counts, spp, run, seed });
         }
         let (_, origin) = first.expect("the command line asks for one");
         Ok((Self::Files(files), origin))
@@ -112,6 +149,34 @@ impl Source {
             })
             .filter(|(_, runs): &(u32, Vec<u32>)| !runs.is_empty())
             .collect()
+    }
+
+    /// The samples of the terms of a run, for each sample count.
+    pub(super) fn counts(&self) -> Vec<Vec<u32>> {
+        let mut counts: Vec<Vec<u32>> = match self {
+            // The last terms are one sample apart.
+            Self::Scene { spp, .. } => spp.iter().map(|&spp| vec![spp]).collect(),
+            Self::Files(files) => files.iter().map(|file| file.counts.clone()).collect(),
+        };
+        counts.sort_by_key(|counts| counts.last().copied());
+        counts.dedup_by_key(|counts| counts.last().copied());
+        counts
+    }
+
+    /// Whether [`Self::run`] has a run.
+    pub(super) fn has(&self, spp: u32, number: u32) -> bool {
+        match self {
+            Self::Scene { .. } => true,
+            Self::Files(files) => files.iter().any(|file| (file.spp, file.run) == (spp, number)),
+        }
+    }
+
+    /// The files, if these are what is measured.
+    pub(super) fn sequences(&self) -> &[File] {
+        match self {
+            Self::Scene { .. } => &[],
+            Self::Files(files) => files,
+        }
     }
 
     /// Renders a run, or reads it; `window` is the number of last terms that are needed.

@@ -12,7 +12,7 @@ const data = JSON.parse(byId("data").textContent);
 document.title = `${data.scene} – nst report`;
 byId("scene").textContent = data.scene;
 byId("headline").textContent = data.headline;
-byId("advice").textContent = data.advice;
+byId("advice").textContent = [...new Set(data.advice)].join(" ");
 byId("charts").append(
   ...data.charts.map((chart, index) => {
     if (index === 0) return chartFigure(chart);

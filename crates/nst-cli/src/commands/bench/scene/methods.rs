@@ -1,0 +1,296 @@
+//! The methods of a bench: made ready once, and applied to runs.
+
+use std::{
+    collections::BTreeMap,
+    path::PathBuf,
+    time::{Duration, Instant},
+};
+
+use nst_core::{Estimates, SequenceBatch};
+
+use super::source::{Origin, Run, Source};
+use crate::{
+    adapter::caught,
+    args::{BackendArg, TransformArg},
+    commands::render::advice::options_with_a_network,
+    error::Error,
+    method::{self, DEFAULT_WINDOW, Method},
+    results::{PLAIN, check_name},
+    words::numbers,
+};
+
+/// The methods, each of which is made ready once.
+pub(super) struct Methods {
+    backend: BackendArg,
+    names: Vec<(String, Choice)>,
+    ready: BTreeMap<String, Ready>,
+    /// How long it took to open a GPU for the first network: drivers are loaded once in a
+    /// process, and other networks would seem to be faster.
+    opening: Option<Duration>,
+}
+
+/// Where a method comes from.
+#[derive(Clone)]
+enum Choice {
+    Named(TransformArg),
+    Weights(PathBuf),
+}
+
+struct Ready {
+    method: Method,
+    /// How long it took to make it, to read a network for instance, without opening a GPU.
+    making: Duration,
+    /// How long it takes to open a GPU, or to find none; 0 where none is needed.
+    opening: Duration,
+    /// What its first transformation took beyond the second.
+    warming: Option<Duration>,
+}
+
+/// Estimates of a method, and how long they took.
+pub(super) struct Transformed {
+    pub(super) values: Vec<f32>,
+    /// A first transformation, and what is read for it.
+    pub(super) cold: Duration,
+    /// A second one.
+    pub(super) warm: Duration,
+    /// Opening a GPU, or finding none; `nst render` does it while it renders, unless
+    /// `--backend gpu` asks for one.
+    pub(super) opening: Opening,
+    pub(super) adapter: Option<String>,
+}
+
+/// How long a GPU is being opened, and whether the rest of the job goes on meanwhile.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Opening {
+    time: Duration,
+    in_background: bool,
+}
+
+impl Opening {
+    /// For how long a user waits who renders for so long; `None` where nothing is rendered.
+    pub(super) fn waited(self, rendering: Option<Duration>) -> Duration {
+        let meanwhile = rendering.filter(|_| self.in_background).unwrap_or_default();
+        self.time.saturating_sub(meanwhile)
+    }
+}
+
+impl Methods {
+    /// The plain estimate, and then these, each once, and the networks of these files.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if a file has the name of another method, or one that no table has.
+    pub(super) fn new(
+        asked: &[TransformArg],
+        weights: &[PathBuf],
+        backend: BackendArg,
+    ) -> Result<Self, Error> {
+        let mut names: Vec<(String, Choice)> = Vec::new();
+        for &transform in [TransformArg::None].iter().chain(asked) {
+            let name = transform.name();
+            if names.iter().all(|(earlier, _)| earlier != name) {
+                names.push((name.to_owned(), Choice::Named(transform)));
+            }
+        }
+        for path in weights {
+            let name = path.file_stem().unwrap_or_default().to_string_lossy();
+            check_name(&name).map_err(|why| {
+                Error::Usage(format!("--weights {}: {why}; rename the file", path.display()))
+            })?;
+            if TransformArg::named(&name).is_some() || names.iter().any(|(it, _)| *it == name) {
+                return Err(Error::Usage(format!(
+                    "--weights {}: there is another method '{name}'; rename the file",
+                    path.display()
+                )));
+            }
+            names.push((name.into_owned(), Choice::Weights(path.clone())));
+        }
+        Ok(Self { backend, names, ready: BTreeMap::new(), opening: None })
+    }
+
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> {
+        self.names.iter().map(|(name, _)| &**name)
+    }
+
+    /// How a method is made: one of this bench, or another that has a name.
+    fn choice(&self, name: &str) -> Option<Choice> {
+        let here = self.names.iter().find(|(known, _)| known == name);
+        here.map(|it| it.1.clone()).or_else(|| TransformArg::named(name).map(Choice::Named))
+    }
+
+    /// Whether a method can be applied: the file of a network may not be known.
+    pub(super) fn can_make(&self, name: &str) -> bool {
+        self.choice(name).is_some()
+    }
+
+    /// The most last terms that one of these methods reads.
+    pub(super) fn window<'a>(
+        &mut self,
+        names: impl IntoIterator<Item = &'a str>,
+        origin: &Origin,
+    ) -> Result<usize, Error> {
+        let mut window = DEFAULT_WINDOW;
+        for name in names {
+            let Some(choice) = self.choice(name) else { continue };
+            let method = &self.ready(name, &choice, origin, &[])?.method;
+            window = window.max(method.transform.requires().window);
+        }
+        Ok(window)
+    }
+
+    /// Makes a method ready; for `auto`, that is the one that it chooses.
+    fn ready(
+        &mut self,
+        name: &str,
+        choice: &Choice,
+        origin: &Origin,
+        counts: &[u32],
+    ) -> Result<&mut Ready, Error> {
+        let origin = known_of(origin, counts);
+        let (name, choice) = match choice {
+            Choice::Named(auto @ TransformArg::Auto) => {
+                let name = Method::named(*auto, BackendArg::Cpu, origin)?.name;
+                let named = TransformArg::named(&name).expect("methods have names");
+                (name, Choice::Named(named))
+            }
+            choice => (name.to_owned(), choice.clone()),
+        };
+        if !self.ready.contains_key(&name) {
+            let begin = Instant::now();
+            let method = match choice {
+                Choice::Named(named) => Method::named(named, self.backend, origin)?,
+                Choice::Weights(path) => Method::of_file(&path, self.backend)?,
+            };
+            let mut making = begin.elapsed();
+            let own = method.adapter.opening();
+            if let Some(own) = own.filter(|_| self.backend == BackendArg::Gpu) {
+                making = making.saturating_sub(own);
+            }
+            let opening = own.map(|own| *self.opening.get_or_insert(own)).unwrap_or_default();
+            let ready = Ready { method, making, opening, warming: None };
+            self.ready.insert(name.clone(), ready);
+        }
+        Ok(self.ready.get_mut(&name).expect("it was put there"))
+    }
+
+    /// The estimates of a method that can be made, or why it fails on this run.
+    pub(super) fn transform(
+        &mut self,
+        name: &str,
+        origin: &Origin,
+        batch: &SequenceBatch,
+    ) -> Result<Transformed, String> {
+        let in_background = self.backend == BackendArg::Auto;
+        let choice = self.choice(name).ok_or("there is no such method")?;
+        let ready = self.ready(name, &choice, origin, batch.sample_counts());
+        let ready = ready.map_err(|error| error.to_string())?;
+        let opening = Opening { time: ready.opening, in_background };
+        let window = ready.method.transform.requires().window;
+        let terms = batch.sample_counts().len();
+        if terms < window {
+            return Err(format!("it reads the last {window} terms, but there are {terms}"));
+        }
+        let mut estimates = Estimates::default();
+        let mut once = || {
+            let begin = Instant::now();
+            caught(|| ready.method.transform.transform(batch, &mut estimates))
+                .map_err(|error| error.to_string())?;
+            Ok::<_, String>(begin.elapsed())
+        };
+        if ready.warming.is_none() {
+            let first = once()?;
+            ready.warming = Some(first.saturating_sub(once()?));
+        }
+        let warm = once()?;
+        Ok(Transformed {
+            values: estimates.values().to_vec(),
+            cold: warm + ready.making + ready.warming.unwrap_or_default(),
+            warm,
+            opening,
+            adapter: ready.method.adapter(),
+        })
+    }
+
+    /// The picture that a method makes of a run, if it does not fail.
+    pub(super) fn picture(&mut self, name: &str, origin: &Origin, run: &Run) -> Option<Vec<f32>> {
+        Some(self.transform(name, origin, &run.batch).ok()?.values)
+    }
+
+    /// Why `auto` used no network, and at which sample counts.
+    pub(super) fn notes(&self, source: &Source, origin: &Origin) -> Result<Vec<String>, Error> {
+        let mut reasons: Vec<(String, Vec<u32>)> = Vec::new();
+        let counts = source.counts();
+        let auto = self.names().any(|name| name == TransformArg::Auto.name());
+        for counts in counts.iter().filter(|_| auto) {
+            let known = known_of(origin, counts);
+            let mut method = Method::named(TransformArg::Auto, BackendArg::Cpu, known)?;
+            if method.name != PLAIN {
+                continue;
+            }
+            if let Source::Scene { scene, .. } = source {
+                method.advise(|| options_with_a_network(scene));
+            }
+            let spp = counts.last().copied().unwrap_or_default();
+            match reasons.iter_mut().find(|(reason, _)| *reason == method.reason) {
+                Some((_, spps)) => spps.push(spp),
+                None => reasons.push((method.reason, vec![spp])),
+            }
+        }
+        let note = |(reason, spps): (String, Vec<u32>)| {
+            format!("'auto' used no network at {} spp: {reason}", numbers(&spps))
+        };
+        Ok(reasons.into_iter().map(note).collect())
+    }
+}
+
+/// What `auto` knows of runs with these sample counts.
+fn known_of<'a>(origin: &'a Origin, counts: &'a [u32]) -> method::Origin<'a> {
+    method::Origin { scene: &origin.fingerprint, sampler: &origin.sampler, counts }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A GPU is opened for every network, which takes the first of a process longest; none of
+    /// them is charged for another one.
+    #[cfg(feature = "gpu")]
+    #[test]
+    fn all_networks_open_a_gpu_in_the_same_time() -> Result<(), String> {
+        let asked = ["families", "cornell", "gmon"].map(TransformArg::named);
+        let asked: Vec<TransformArg> = asked.into_iter().flatten().collect();
+        let mut methods =
+            Methods::new(&asked, &[], BackendArg::Auto).map_err(|error| error.to_string())?;
+        let origin = Origin {
+            scene: String::new(),
+            fingerprint: String::new(),
+            sampler: "random".into(),
+            size: [5, 1],
+        };
+        let samples: Vec<f32> = (0..9 * 5).map(|i| ((i * i) % 11) as f32).collect();
+        let batch = SequenceBatch::from_samples(5, &samples).map_err(|error| error.to_string())?;
+        let families = methods.transform("families", &origin, &batch)?.opening;
+        let cornell = methods.transform("cornell", &origin, &batch)?.opening;
+        assert_eq!(families, cornell);
+        assert!(families.time > Duration::ZERO && families.in_background, "{families:?}");
+        let none = methods.transform("none", &origin, &batch)?.opening;
+        assert_eq!(none.time, Duration::ZERO);
+        Ok(())
+    }
+
+    /// The GPU of a network is opened while others render, in half a second, but not with
+    /// `--backend gpu`.
+    #[test]
+    fn a_user_waits_for_what_the_rendering_does_not_hide() {
+        let ms = Duration::from_millis;
+        let opening = |in_background| Opening { time: ms(500), in_background };
+        for (in_background, rendering, waited) in [
+            (true, Some(ms(200)), ms(300)),
+            (true, Some(ms(501)), ms(0)),
+            (true, None, ms(500)),
+            (false, Some(ms(200)), ms(500)),
+        ] {
+            assert_eq!(opening(in_background).waited(rendering), waited);
+        }
+        assert_eq!(Opening::default().waited(None), ms(0));
+    }
+}
