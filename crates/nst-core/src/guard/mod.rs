@@ -202,6 +202,10 @@ impl FittedGuard<'_> {
         let changes = changes.collect::<Result<Vec<_>, _>>()?;
         for (lane, value) in values.iter_mut().enumerate() {
             let plain = f64::from(chunk.last[lane]);
+            if !chunk.lanes[lane].iter().flatten().all(|x| x.is_finite()) || !plain.is_finite() {
+                (*value, status[lane]) = (chunk.last[lane], Status::NotFinite);
+                continue;
+            }
             let half = chunk.half(lane);
             let numbers = view.numbers(lane);
             let corrected = corrections.iter().map(|it| it.change(&view, &numbers, half));
@@ -210,10 +214,8 @@ impl FittedGuard<'_> {
             d.iter_mut().zip(all).for_each(|(d, change)| *d = change);
             let w = weights.at(&strata(&view, lane, d[0] as f32), half);
             let blend = plain + d.iter().zip(w).map(|(d, w)| d * w).sum::<f64>();
-            let finite = chunk.lanes[lane].iter().flatten().all(|x| x.is_finite());
-            if finite && (blend as f32).is_finite() {
-                *value = blend as f32;
-            } else {
+            *value = blend as f32;
+            if !value.is_finite() {
                 (*value, status[lane]) = (chunk.last[lane], Status::NotFinite);
             }
         }

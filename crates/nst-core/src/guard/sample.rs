@@ -15,6 +15,9 @@ pub(super) type LaneMeans = [[f32; FOLDS]; 3];
 /// Which folds are held out: one, or none.
 pub(super) const GROUPS: usize = FOLDS;
 
+/// The variance of S relative to that of a mean without a group.
+pub(super) const SHARE: f64 = 1.0 - 1.0 / GROUPS as f64;
+
 /// Pixels of a batch, with what their lanes' folds say. Without a grid each lane is a pixel.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sample {

@@ -22,7 +22,7 @@ const FLOOR: f64 = 0.01;
 /// Below this share of the unit a lane is dark: its spread would be rounding.
 const DARK: f64 = 1e-9;
 
-/// The most standard errors of S that a correction may be: what lies farther is not noise.
+/// The most standard errors of S that a correction may be: what lies farther is no noise.
 const MOST_ERRORS: f64 = 2.0;
 
 /// Statistics of lanes over the folds that are not held out, `[lane]`.
@@ -108,9 +108,12 @@ impl Numbers {
         (self.spread + FLOOR).ln()
     }
 
-    /// A correction, within what may be noise of S.
+    /// A correction, within what may be noise of S. Towards 0 it ends there. Away from 0 it is
+    /// the smaller the more S depends on few samples: those are bright by chance more often
+    /// than others are dark.
     pub(super) fn bounded(&self, change: f64) -> f64 {
         let most = MOST_ERRORS * self.error;
-        change.clamp(-most, most)
+        let (towards, away) = (most.min(self.mean.abs()), most * (1.0 - self.root_spread));
+        if self.mean < 0.0 { change.clamp(-away, towards) } else { change.clamp(-towards, away) }
     }
 }

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::{
-    sample::Sample,
+    sample::{SHARE, Sample},
     simplex::{MOST, Moments, best_weights, certainty},
     table::PIXELS_PER_TASK,
     view::{BRIGHTNESS, UNCERTAINTY, View},
@@ -14,7 +14,11 @@ const ROWS: usize = BRIGHTNESS.knots();
 const STRATA: usize = ROWS * COLUMNS;
 
 /// How many variances of the noise are taken off a gain.
-const CAUTION: f64 = 3.0;
+const CAUTION: f64 = 4.0;
+
+/// The gain, relative to the variance of S, up to which a stratum keeps S: errors of pictures
+/// are judged relative to their brightness, too, and there a small gain may be a loss.
+const LEAST_GAIN: f64 = 0.05;
 
 /// The share of its sums that a stratum gives to each of its neighbours.
 const SHARED: f64 = 0.2;
@@ -36,11 +40,14 @@ pub(super) struct Weights {
     strata: [[[f64; MOST]; STRATA]; 2],
 }
 
-/// Sums of a stratum: moments, and the noise of their b, `[expert][expert]`.
+/// Sums of a stratum.
 #[derive(Clone, Copy, Default)]
 struct Stratum {
     moments: Moments,
+    /// The covariance of the noise of b, `[expert][expert]`.
     noise: [[f64; MOST]; MOST],
+    /// Of S without a group, summed over lanes and groups.
+    variance: f64,
 }
 
 impl Changes<'_> {
@@ -107,7 +114,9 @@ fn sums(changes: &Changes<'_>, first: usize) -> [[Stratum; STRATA]; 2] {
         for (group, missing) in missing.iter().enumerate() {
             for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
                 let d = changes.of_lane(group, lane);
+                let variance = changes.views[group].variance(lane);
                 for (stratum, share) in changes.place(group, lane) {
+                    sums[stratum].variance += share * variance;
                     for i in 0..count {
                         of_pixel[stratum][i] += share * d[i] * f64::from(missing[lane]);
                         for j in 0..count {
@@ -132,6 +141,7 @@ fn sums(changes: &Changes<'_>, first: usize) -> [[Stratum; STRATA]; 2] {
 impl Stratum {
     /// Adds a share of another's moments, and a share of its noise.
     fn add(&mut self, other: &Self, share: f64, noise_share: f64) {
+        self.variance += share * other.variance;
         for i in 0..MOST {
             self.moments.b[i] += share * other.moments.b[i];
             for j in 0..MOST {
@@ -170,11 +180,16 @@ fn shared(
 
 /// The best weights of each stratum, drawn towards 0 by as much of the gain as may be noise.
 fn weights(strata: &[Stratum; STRATA], count: usize) -> [[f64; MOST]; STRATA] {
-    strata.map(|Stratum { moments, noise }| {
+    strata.map(|Stratum { mut moments, noise, variance }| {
+        // What all samples lack is less than what those without a group lack.
+        moments.b.iter_mut().for_each(|b| *b *= SHARE);
         let w = best_weights(&moments, &noise, count);
         let gain: f64 = (0..count).map(|i| w[i] * moments.b[i]).sum();
         let pairs = (0..count).flat_map(|i| (0..count).map(move |j| (i, j)));
-        let variance: f64 = pairs.map(|(i, j)| w[i] * noise[i][j] * w[j]).sum();
-        w.map(|w| w * certainty(gain, variance, CAUTION))
+        let chance: f64 = pairs.map(|(i, j)| w[i] * noise[i][j] * w[j]).sum();
+        let worth = -moments.change(&w) / (LEAST_GAIN * variance) - 1.0;
+        // A NaN is no gain.
+        let worth = if worth > 0.0 { worth.min(1.0) } else { 0.0 };
+        w.map(|w| w * certainty(gain, chance, CAUTION) * worth)
     })
 }

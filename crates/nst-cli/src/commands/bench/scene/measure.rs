@@ -56,6 +56,10 @@ impl Meter<'_> {
                     Ok(transformed) => {
                         self.judge(&mut row, &transformed.values, bias2)?;
                         self.time(&mut row, run, transformed, writing);
+                        if let Some(judgement) = &transformed.judgement {
+                            row.predicted_ratio = Some(judgement.ratio);
+                            [row.predicted_low, row.predicted_high] = judgement.interval.map(Some);
+                        }
                     }
                     Err(why) => row.failure = Some(why.clone()),
                 }

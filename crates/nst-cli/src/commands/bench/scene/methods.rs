@@ -6,7 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use nst_core::{Estimates, SequenceBatch};
+use nst_core::{Estimates, SequenceBatch, Whole, guard::Judgement};
 
 use super::source::{Origin, Run, Source};
 use crate::{
@@ -49,6 +49,8 @@ struct Ready {
 /// Estimates of a method, and how long they took.
 pub(super) struct Transformed {
     pub(super) values: Vec<f32>,
+    /// What the method says of its own gain, if it measures it.
+    pub(super) judgement: Option<Judgement>,
     /// A first transformation, and what is read for it.
     pub(super) cold: Duration,
     /// A second one.
@@ -190,10 +192,16 @@ impl Methods {
             return Err(format!("it reads the last {window} terms, but there are {terms}"));
         }
         let mut estimates = Estimates::default();
+        let mut judgement = None;
         let mut once = || {
             let begin = Instant::now();
-            caught(|| ready.method.transform.transform(batch, &mut estimates))
-                .map_err(|error| error.to_string())?;
+            let transform = &*ready.method.transform;
+            judgement = caught(|| {
+                let fitted = transform.fit(&mut Whole::new(batch))?;
+                fitted.apply(batch, &mut estimates)?;
+                Ok(fitted.judgement().cloned())
+            })
+            .map_err(|error| error.to_string())?;
             Ok::<_, String>(begin.elapsed())
         };
         if ready.warming.is_none() {
@@ -203,6 +211,7 @@ impl Methods {
         let warm = once()?;
         Ok(Transformed {
             values: estimates.values().to_vec(),
+            judgement,
             cold: warm + ready.making + ready.warming.unwrap_or_default(),
             warm,
             opening,
