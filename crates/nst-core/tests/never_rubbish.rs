@@ -85,10 +85,12 @@ fn batch(rng: &mut Rng, lanes: usize) -> SequenceBatch {
     let counts = sample_counts(rng, terms);
     let mut batch = SequenceBatch::new(array.reversed_axes(), counts).expect("counts increase");
     if rng.below(4) > 0 {
-        let folds: Vec<_> = (0..lanes).map(|_| lane(rng, FOLDS)).collect();
-        for k in 0..FOLDS {
+        let folds: Vec<_> = (0..lanes).map(|_| lane(rng, 3 * FOLDS)).collect();
+        // Some batches have the folds alone.
+        let most = if rng.below(4) == 0 { FOLDS } else { 3 * FOLDS };
+        for (k, side) in Side::OF_FOLDS.into_iter().flatten().take(most).enumerate() {
             let fold = folds.iter().map(|folds| folds[k]).collect();
-            batch.set_side(Side::Fold(k as u8), fold).expect("a value per lane");
+            batch.set_side(side.clone(), fold).expect("a value per lane");
         }
     }
     batch

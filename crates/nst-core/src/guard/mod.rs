@@ -61,8 +61,8 @@ pub struct Guard {
 /// A [`Guard`] that has measured its experts on a batch.
 pub struct FittedGuard<'a> {
     experts: Vec<&'a dyn Expert>,
-    /// `None` if nothing can be held out.
-    learnt: Option<Learnt>,
+    /// Or why all lanes keep the plain estimate.
+    learnt: Result<Learnt, Status>,
     judgement: Judgement,
 }
 
@@ -99,21 +99,21 @@ impl Guard {
     /// # Errors
     /// Those of `strips`.
     pub fn measure<'a>(&'a self, strips: &mut dyn Strips) -> Result<FittedGuard<'a>, Error> {
-        let plain = |why: &str| FittedGuard {
+        let plain = |status: Status, why: &str| FittedGuard {
             experts: Vec::new(),
-            learnt: None,
+            learnt: Err(status),
             judgement: Judgement::plain(why),
         };
         let Some(sample) = Sample::take(strips)? else {
-            return Ok(plain(
-                "the sequence has no statistics of folds, so nothing can be held out",
-            ));
+            let why = "the sequence has no statistics of folds, so nothing can be held out";
+            return Ok(plain(Status::NoFolds, why));
         };
         if sample.counts.contains(&0.0) {
-            return Ok(plain("there are fewer than four samples, so nothing can be held out"));
+            let why = "there are fewer than four samples, so nothing can be held out";
+            return Ok(plain(Status::TooShort, why));
         }
         if !sample.units.iter().all(|unit| *unit > 0.0 && unit.is_finite()) {
-            return Ok(plain("all estimates are 0"));
+            return Ok(plain(Status::Constant, "all estimates are 0"));
         }
         let views: Vec<View> = (0..=GROUPS)
             .into_par_iter()
@@ -147,7 +147,7 @@ impl Guard {
         let names = CORRECTIONS.into_iter().chain(experts.iter().map(|expert| expert.name()));
         let judgement = judge(&changes, &weights, names.map(str::to_owned).collect(), notes);
         let learnt = Learnt { corrections, weights, unit: sample.units[GROUPS] };
-        Ok(FittedGuard { experts, learnt: Some(learnt), judgement })
+        Ok(FittedGuard { experts, learnt: Ok(learnt), judgement })
     }
 }
 
@@ -269,10 +269,16 @@ impl Transform for Guard {
 
 impl Fitted for FittedGuard<'_> {
     fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
-        let (Some(learnt), Some(sides)) = (&self.learnt, sides(strip)) else {
-            let status = if self.learnt.is_some() { Status::NoFolds } else { Status::Ok };
-            out.fall_back(strip, status);
-            return Ok(());
+        let (learnt, sides) = match (&self.learnt, sides(strip)) {
+            (Ok(learnt), Some(sides)) => (learnt, sides),
+            (Ok(_), None) => {
+                out.fall_back(strip, Status::NoFolds);
+                return Ok(());
+            }
+            (Err(status), _) => {
+                out.fall_back(strip, *status);
+                return Ok(());
+            }
         };
         let (values, status) = out.reset(strip.lanes());
         let counts = counts(strip.sample_counts());

@@ -323,18 +323,19 @@ fn nonfinite(n: u32, runs: usize) -> Case {
     let mut case = family(Family::Gaussian, &window(n), runs, |y| y);
     let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
     let mut terms = case.batch.terms().to_owned();
-    let mut folds: Vec<Vec<f32>> = case.batch.sides().map(|(_, values)| values.to_vec()).collect();
+    let sides = case.batch.sides().map(|(side, values)| (side.clone(), values.to_vec()));
+    let mut sides: Vec<(Side, Vec<f32>)> = sides.collect();
     let (rows, lanes) = terms.dim();
     for (k, lane) in (0..lanes).step_by(10).enumerate() {
         terms[[k % rows, lane]] = bad[k % bad.len()];
     }
     for (k, lane) in (5..lanes).step_by(10).enumerate() {
-        let fold = k % folds.len();
-        folds[fold][lane] = bad[k % bad.len()];
+        let fold = k % nst_core::FOLDS;
+        sides[fold].1[lane] = bad[k % bad.len()];
     }
     let mut batch = nst_core::SequenceBatch::new(terms, window(n)).expect("as before");
-    for (fold, values) in folds.into_iter().enumerate() {
-        batch.set_side(Side::Fold(fold as u8), values).expect("as before");
+    for (side, values) in sides {
+        batch.set_side(side, values).expect("as before");
     }
     case.batch = batch;
     case

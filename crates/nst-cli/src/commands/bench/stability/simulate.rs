@@ -1,7 +1,7 @@
 //! Running means of simulated samples.
 
 use ndarray::Array2;
-use nst_core::{FOLDS, SequenceBatch, Side, fold_count, random::SplitMix64};
+use nst_core::{LaneSums, SequenceBatch, random::SplitMix64};
 use rayon::prelude::*;
 
 /// Sequences whose limits are known.
@@ -28,28 +28,23 @@ pub(super) fn simulate<F: FnMut(u32, &mut SplitMix64) -> f64>(
         .map(|index| {
             let mut rng = SplitMix64::of_stream(seed, index as u64);
             let (limit, mut sample) = lane(index, &mut rng);
-            let (mut sum, mut folds) = (0.0, [0.0; FOLDS]);
+            let (mut sum, mut sums) = (0.0, LaneSums::default());
             let mut terms = Vec::with_capacity(counts.len());
             for i in 0..last {
                 let value = sample(i, &mut rng);
                 sum += value;
-                folds[i as usize % FOLDS] += value;
+                sums.add(i, value);
                 if counts[terms.len()] == i + 1 {
                     terms.push((sum / f64::from(i + 1)) as f32);
                 }
             }
-            for (fold, sum) in folds.iter_mut().enumerate() {
-                *sum /= fold_count(fold, last);
-            }
-            (limit, terms, folds)
+            (limit, terms, sums)
         })
         .collect();
     let terms = Array2::from_shape_fn((counts.len(), lanes), |(k, lane)| recorded[lane].1[k]);
     let mut batch = batch(terms, counts);
-    for fold in 0..FOLDS {
-        let means = recorded.iter().map(|(_, _, folds)| folds[fold] as f32).collect();
-        batch.set_side(Side::Fold(fold as u8), means).expect("a mean per lane");
-    }
+    let sums: Vec<_> = recorded.iter().map(|(.., sums)| *sums).collect();
+    batch.set_sums(&sums, last).expect("sums of each lane");
     Case { batch, limits: recorded.iter().map(|&(limit, ..)| limit).collect() }
 }
 
@@ -81,7 +76,7 @@ mod tests {
         assert_eq!(case.batch.terms(), ndarray::array![[0.5, 1.5], [2.5, 3.5]]);
         // Samples 0 and 4; 1 and 5; 2; 3.
         for (fold, mean) in [2.0, 3.0, 2.0, 3.0].into_iter().enumerate() {
-            let side = case.batch.side(&Side::Fold(fold as u8));
+            let side = case.batch.side(&nst_core::Side::Fold(fold as u8));
             assert_eq!(side, Some(&[mean, mean + 1.0][..]));
         }
         let (case, sums) = series(&[1, 3], 2.0, f64::from);
