@@ -36,6 +36,17 @@ pub(crate) struct Origin<'a> {
 /// The reason if there is no network for the scene.
 const NOT_TRAINED: &str = "no network was trained on this very scene";
 
+/// The method that holds folds out.
+const GUARD: &str = "guard";
+
+/// The sampler whose folds are parts of one sequence, so that none says anything about the
+/// error of the others.
+const NESTED: &str = "halton";
+
+/// What is said then.
+const NESTED_FOLDS: &str = "keeps the plain estimates: the folds of --sampler halton depend on \
+                            each other; those of halton-folds do not";
+
 /// The sampler of networks whose files name none: the first ones were all trained on
 /// `random`.
 const FIRST_SAMPLER: &str = "random";
@@ -75,6 +86,9 @@ impl Method {
     ) -> Result<Self, Error> {
         match transform {
             TransformArg::None => Ok(Self::none(AS_ASKED)),
+            TransformArg::Method(GUARD) if origin.sampler == NESTED => {
+                Ok(Self { name: GUARD.to_owned(), ..Self::none(NESTED_FOLDS) })
+            }
             TransformArg::Method(name) => {
                 let method = method(name);
                 let method =

@@ -6,7 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use nst_core::{Error as CoreError, Estimates, SequenceBatch, Status, Strips};
+use nst_core::{Error as CoreError, Estimates, SequenceBatch, Status, Strips, guard::Judgement};
 use serde::Serialize;
 
 use crate::method::Method;
@@ -26,6 +26,13 @@ pub(crate) struct Summary {
     transform: String,
     /// Why this transformation was chosen.
     reason: String,
+    /// The experts of a transformation that blends some.
+    experts: Vec<Expert>,
+    /// What it says of its own MSE, relative to that of the plain estimate, with the ends of the
+    /// 95 % interval.
+    predicted_ratio: Option<f64>,
+    predicted_low: Option<f64>,
+    predicted_high: Option<f64>,
     lanes: usize,
     lanes_skipped: usize,
     lanes_fallen_back: usize,
@@ -38,15 +45,28 @@ pub(crate) struct Summary {
     said: usize,
 }
 
-/// How many lanes one or several batches have, by status.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct LaneCounts {
+/// An expert, and the mean of its weight over the lanes, from 0 to 1.
+#[derive(Debug, Serialize)]
+struct Expert {
+    name: String,
+    weight: f64,
+}
+
+/// What became of the lanes of one or several batches.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Outcome {
+    /// What the method says of its own gain, if it measures it.
+    judgement: Option<Judgement>,
     lanes: usize,
     skipped: usize,
     fallen_back: usize,
 }
 
-impl LaneCounts {
+impl Outcome {
+    pub(crate) fn new(judgement: Option<Judgement>) -> Self {
+        Self { judgement, ..Self::default() }
+    }
+
     pub(crate) fn add(&mut self, estimates: &Estimates) {
         self.lanes += estimates.values().len();
         self.skipped += estimates.count(Status::Constant);
@@ -77,10 +97,14 @@ impl Stopwatch {
         &self,
         render: Option<RenderStats>,
         method: &Method,
-        counts: LaneCounts,
+        outcome: Outcome,
         files: Vec<String>,
-        (notes, said): (Vec<String>, usize),
+        (mut notes, said): (Vec<String>, usize),
     ) -> Summary {
+        let Outcome { judgement, lanes, skipped, fallen_back } = outcome;
+        let judgement = judgement.as_ref();
+        notes.extend(judgement.into_iter().flat_map(|it| it.notes.iter().cloned()));
+        let experts = judgement.into_iter().flat_map(|it| it.experts.iter().cloned());
         let rate = |render: &RenderStats| render.paths as f64 / render.time.as_secs_f64();
         Summary {
             render_seconds: render.as_ref().map(|render| render.time.as_secs_f64()),
@@ -93,9 +117,13 @@ impl Stopwatch {
             adapter: method.adapter(),
             transform: method.name.clone(),
             reason: method.reason.clone(),
-            lanes: counts.lanes,
-            lanes_skipped: counts.skipped,
-            lanes_fallen_back: counts.fallen_back,
+            experts: experts.map(|(name, weight)| Expert { name, weight }).collect(),
+            predicted_ratio: judgement.map(|it| it.ratio),
+            predicted_low: judgement.map(|it| it.interval[0]),
+            predicted_high: judgement.map(|it| it.interval[1]),
+            lanes,
+            lanes_skipped: skipped,
+            lanes_fallen_back: fallen_back,
             files,
             notes,
             said,
@@ -127,6 +155,25 @@ pub(crate) fn timed<T>(total: &mut Duration, work: impl FnOnce() -> T) -> T {
     result
 }
 
+impl Summary {
+    /// How much the experts are trusted, and what that gains.
+    fn predicted(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let trusted = self.experts.iter().filter(|expert| expert.weight >= 0.005);
+        let trusted = trusted.map(|it| format!("{} by {:.0} %", it.name, 100.0 * it.weight));
+        let trusted: Vec<_> = trusted.collect();
+        let figures = [self.predicted_ratio, self.predicted_low, self.predicted_high];
+        let [Some(ratio), Some(low), Some(high)] = figures else { return Ok(()) };
+        if trusted.is_empty() {
+            return writeln!(f, "           trusts no expert: the plain estimates stay");
+        }
+        writeln!(f, "           trusts {}", trusted.join(", "))?;
+        writeln!(
+            f,
+            "           predicts {ratio:.2} of the plain estimate's MSE (95 %: {low:.2} to {high:.2})"
+        )
+    }
+}
+
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let (Some(seconds), Some(rate)) = (self.render_seconds, self.paths_per_second) {
@@ -141,6 +188,7 @@ impl fmt::Display for Summary {
                 "           {transform_seconds:.3} s on {on}, for {lanes} sequences, one per pixel \
                  and channel",
             )?;
+            self.predicted(f)?;
             let keep = |count: usize, why: &str| match count {
                 0 => String::new(),
                 1 => format!("           1 keeps the plain estimate: {why}\n"),

@@ -17,7 +17,7 @@ use crate::{
     error::Error,
     method::{Method, Origin},
     progress::Progress,
-    summary::{LaneCounts, Stopwatch, Summary, TimedStrips, timed},
+    summary::{Outcome, Stopwatch, Summary, TimedStrips, timed},
 };
 
 pub(super) fn run(args: &TransformArgs) -> Result<Summary, Error> {
@@ -55,7 +55,7 @@ fn write(
     reader: &mut SequenceReader,
     info: &SequenceInfo,
     files: &mut PictureFiles,
-) -> Result<LaneCounts, Error> {
+) -> Result<Outcome, Error> {
     let start = Instant::now();
     let lanes_in_all =
         info.size.map(u64::from).iter().product::<u64>() * info.model.channels().len() as u64;
@@ -80,7 +80,7 @@ fn write(
     let mut png = PngWriter::create(&mut files.png, info.size)?;
     let channels = info.model.channels().len();
     let mut estimates = Estimates::default();
-    let mut lanes = LaneCounts::default();
+    let mut lanes = Outcome::new(fitted.judgement().cloned());
     strips.rewind(method.transform.requires().halo())?;
     while let Some(strip) = strips.next_strip()? {
         timed(&mut watch.transform, || caught(|| fitted.apply(&strip, &mut estimates)))?;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nst_core::{Estimates, SequenceBatch};
+use nst_core::{Estimates, SequenceBatch, Whole};
 use nst_files::{
     ColorModel,
     output::{Kind, Name, OutputFile, Outputs},
@@ -27,7 +27,7 @@ use crate::{
     method::{Method, Origin},
     progress::Progress,
     report::{Done, say},
-    summary::{LaneCounts, RenderStats, Stopwatch, timed},
+    summary::{Outcome, RenderStats, Stopwatch, timed},
 };
 
 /// A rendering that is about to begin.
@@ -148,9 +148,13 @@ impl Job<'_> {
         let method = if samples == args.spp { method } else { self.method(samples)? };
         let mut estimates = Estimates::default();
         let transformed = timed(&mut watch.transform, || {
-            caught(|| method.transform.transform(&rendering.batch, &mut estimates))
+            caught(|| {
+                let fitted = method.transform.fit(&mut Whole::new(&rendering.batch))?;
+                fitted.apply(&rendering.batch, &mut estimates)?;
+                Ok(fitted.judgement().cloned())
+            })
         });
-        let values = transformed.as_ref().map_or(rendering.batch.last(), |()| estimates.values());
+        let values = transformed.as_ref().map_or(rendering.batch.last(), |_| estimates.values());
         let info = PictureInfo {
             samples_per_pixel: Some(samples),
             render_seconds: Some(spent + rendering.time.as_secs_f32()),
@@ -158,12 +162,12 @@ impl Job<'_> {
         };
         let pictures = || write(scene.size, picture, &rendering.batch, values, &info);
         written.extend(timed(&mut watch.io, pictures)?);
-        if let Err(why) = transformed {
+        let judgement = transformed.map_err(|why| {
             let saved = format!("{} show the plain estimates", written.join(", "));
-            return Err(Error::Transform { why: why.to_string(), saved });
-        }
+            Error::Transform { why: why.to_string(), saved }
+        })?;
 
-        let mut lanes = LaneCounts::default();
+        let mut lanes = Outcome::new(judgement);
         lanes.add(&estimates);
         let stats = RenderStats {
             time: rendering.time,
