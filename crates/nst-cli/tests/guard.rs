@@ -21,7 +21,7 @@ fn it_says_what_it_gains() {
     let said = report(&bench, &render("--spp 16 --sequence s.exr -o x.exr"));
     let names: Vec<_> = said["experts"].as_array().expect("a list").iter().collect();
     let names: Vec<_> = names.iter().map(|it| it["name"].as_str().expect("a name")).collect();
-    assert_eq!(names, ["regression", "table"]);
+    assert_eq!(names, ["relative regression", "regression", "table"]);
     let number = |key: &str| said[key].as_f64().expect("a number");
     let [low, ratio, high] = ["predicted_low", "predicted_ratio", "predicted_high"].map(number);
     assert!(low <= ratio && ratio <= high && low < 1.0, "{low} {ratio} {high}");

@@ -7,8 +7,12 @@ use super::{
     weights::{Changes, Weights},
 };
 
-/// The 97.5 % quantile of the normal distribution.
-const QUANTILE: f64 = 1.96;
+/// Half the width of the interval: standard errors of the sums, a constant, and a share of 1/n,
+/// as it takes three quarters of few samples for all of them. Measured: with these it contained
+/// nine of ten true ratios of renderings.
+const ERRORS: f64 = 3.0;
+const CONSTANT: f64 = 0.01;
+const FEW_SAMPLES: f64 = 0.5;
 
 /// What a [`Guard`](super::Guard) has found out on a batch.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -35,10 +39,8 @@ impl Judgement {
 /// Judges weights by the half of the pixels that they were not learnt from.
 ///
 /// With the change d of a lane by its weights, d² − 2 d (I − S) is what changes of its squared
-/// error, and where fold j is held out, d_j (h_j − S_j) has the expectation of d_j (I − S_j).
-/// So the sums of d_j² − 2 d_j (h_j − S_j) say what estimates without a fold gain. With all
-/// folds, d is known, and d (I − S) is taken to be smaller in proportion to the variance of
-/// S. The interval is that of both figures: how far they differ says how far that may err.
+/// error. Where fold j is held out, d_j (h_j − S_j) has the expectation of d_j (I − S_j), which
+/// is taken to be larger than that of d (I − S) in proportion to the variances of S_j and S.
 pub(super) fn judge(
     changes: &Changes<'_>,
     weights: &Weights,
@@ -48,64 +50,51 @@ pub(super) fn judge(
     let sample = changes.sample;
     let all_folds = changes.missing.len();
     let mut trust = [0.0; MOST];
-    let [mut without, mut with_all] = [0, 1].map(|_| Ratio::with_capacity(sample.pixels.len()));
+    let mut pixels = Vec::with_capacity(sample.pixels.len());
     for (pixel, of_pixel) in sample.pixels.iter().enumerate() {
-        let [mut without_a_fold, mut with_all_folds] = [[0.0; 2]; 2];
+        let [mut change, mut variance] = [0.0; 2];
         for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
-            let change = |group: usize| {
-                let w = weights.at(&changes.place(group, lane), of_pixel.half);
+            let blend = |group: usize| {
+                let w = weights.at(changes.strata[group][lane], of_pixel.half);
                 let d = changes.of_lane(group, lane).into_iter().zip(w).map(|(d, w)| d * w).sum();
                 (d, w)
             };
-            let mut product = 0.0;
-            for (group, missing) in changes.missing.iter().enumerate() {
-                let (d, _): (f64, _) = change(group);
-                let missing = f64::from(missing[lane]);
-                product += d * missing / all_folds as f64;
-                without_a_fold[0] += d * d - 2.0 * d * missing;
-                without_a_fold[1] += changes.views[group].variance(lane);
-            }
-            let (d, w) = change(all_folds);
-            with_all_folds[0] += d * d - 2.0 * SHARE * product;
-            with_all_folds[1] += changes.views[all_folds].variance(lane);
+            let products = changes.missing.iter().enumerate().map(|(group, missing)| {
+                let (d, _): (f64, _) = blend(group);
+                d * f64::from(missing[lane]) / all_folds as f64
+            });
+            let product: f64 = products.sum();
+            let (d, w) = blend(all_folds);
+            change += d * d - 2.0 * SHARE * product;
+            variance += changes.views[all_folds].numbers[lane].variance;
             trust.iter_mut().zip(w).for_each(|(trust, w)| *trust += w);
         }
-        without.pixels.push(without_a_fold);
-        with_all.pixels.push(with_all_folds);
+        pixels.push([change, variance]);
     }
-    let [(low, _, high), (other_low, ratio, other_high)] =
-        [without, with_all].map(|ratio| ratio.estimate());
     let lanes = sample.lanes.len().max(1) as f64;
+    let samples: f64 = sample.counts.iter().sum();
+    let (gain, error) = ratio(&pixels);
+    let ratio = (1.0 + gain).max(0.0);
+    let half = if trust.iter().all(|&sum| sum == 0.0) {
+        0.0
+    } else {
+        ERRORS * error + CONSTANT + FEW_SAMPLES / samples
+    };
     Judgement {
         experts: names.into_iter().zip(trust.map(|sum| sum / lanes)).collect(),
         ratio,
-        interval: [low.min(other_low), high.max(other_high)],
+        interval: [(ratio - half).max(0.0), ratio + half],
         notes,
     }
 }
 
-/// A change of squared errors, and the variance of S, of each pixel: lanes of one pixel share
-/// samples, and are one draw.
-struct Ratio {
-    pixels: Vec<[f64; 2]>,
-}
-
-impl Ratio {
-    fn with_capacity(pixels: usize) -> Self {
-        Self { pixels: Vec::with_capacity(pixels) }
+/// The ratio of the sums of two numbers of each pixel, and its standard error (Cochran, *Sampling
+/// Techniques*, 2.11). Lanes of one pixel share samples, and are one draw.
+fn ratio(pixels: &[[f64; 2]]) -> (f64, f64) {
+    let [a, b] = [0, 1].map(|i| pixels.iter().map(|it| it[i]).sum::<f64>());
+    if b <= 0.0 {
+        return (0.0, 0.0);
     }
-
-    /// 1 + the ratio of the sums, between the ends of its 95 % interval (Cochran, *Sampling
-    /// Techniques*, 2.11).
-    fn estimate(&self) -> (f64, f64, f64) {
-        let [change, variance] = [0, 1].map(|i| self.pixels.iter().map(|it| it[i]).sum::<f64>());
-        if variance <= 0.0 {
-            return (1.0, 1.0, 1.0);
-        }
-        let gain = change / variance;
-        let squares: f64 = self.pixels.iter().map(|it| (it[0] - gain * it[1]).powi(2)).sum();
-        let error = QUANTILE * squares.sqrt() / variance;
-        let [low, ratio, high] = [-error, 0.0, error].map(|it| (1.0 + gain + it).max(0.0));
-        (low, ratio, high)
-    }
+    let squares: f64 = pixels.iter().map(|it| (it[0] - a / b * it[1]).powi(2)).sum();
+    (a / b, squares.sqrt() / b)
 }

@@ -37,7 +37,7 @@ use sample::{GROUPS, LaneMeans, Sample, counts, sides};
 pub use seen::{Expert, OfTransform, Seen};
 use simplex::MOST;
 use table::Table;
-use view::{Numbers, View};
+use view::{Lanes, Numbers, View};
 use weights::{Changes, Weights, strata};
 
 use crate::{
@@ -49,10 +49,11 @@ use crate::{
 const CHUNK: usize = 4096;
 
 /// What the guard calls the experts that learn from the batch itself.
-const CORRECTIONS: [&str; 2] = ["regression", "table"];
+const CORRECTIONS: [&str; 3] = ["relative regression", "regression", "table"];
 
 /// Blends the plain estimate with experts as far as samples that were held out support it.
-/// Two more experts, a regression and a table of corrections, are learnt from the batch itself.
+/// Three more experts, two regressions and a table of corrections, are learnt from the batch
+/// itself.
 #[derive(Default)]
 pub struct Guard {
     experts: Vec<Box<dyn Expert>>,
@@ -69,7 +70,7 @@ pub struct FittedGuard<'a> {
 /// An expert that learns from the batch, half by half.
 trait Correction: Send + Sync {
     /// The change of a lane whose pixel is in this half, learnt from the other half.
-    fn change(&self, view: &View, numbers: &Numbers, half: usize) -> f64;
+    fn change(&self, unit: f64, numbers: &Numbers, half: usize) -> f64;
 }
 
 struct Learnt {
@@ -119,18 +120,18 @@ impl Guard {
             .into_par_iter()
             .map(|group| View::new(&sample.lanes, &sample.counts, group, sample.units[group]))
             .collect();
-        let held_out = &views[..GROUPS];
-        let missing = missing(&sample, held_out);
+        let missing = missing(&sample, &views[..GROUPS]);
+        let lanes: Vec<Lanes> = views.iter().map(Lanes::of).collect();
+        let held_out = &lanes[..GROUPS];
         let corrections: [Box<dyn Correction>; CORRECTIONS.len()] = [
-            Box::new(Regression::fit(&sample, held_out, &missing)),
+            Box::new(Regression::fit(&sample, held_out, &missing, 2)),
+            Box::new(Regression::fit(&sample, held_out, &missing, 1)),
             Box::new(Table::fit(&sample, held_out, &missing)),
         ];
-        let mut changes: Vec<Vec<Vec<f32>>> = corrections
-            .iter()
-            .map(|learnt| {
-                views.iter().map(|view| learnt_change(&**learnt, &sample, view)).collect()
-            })
-            .collect();
+        let of_learnt = |learnt: &dyn Correction| -> Vec<Vec<f32>> {
+            lanes.iter().map(|lanes| learnt_change(learnt, &sample, lanes)).collect()
+        };
+        let mut changes: Vec<_> = corrections.iter().map(|it| of_learnt(&**it)).collect();
         let mut notes = Vec::new();
         let mut experts: Vec<&dyn Expert> = Vec::new();
         for expert in &self.experts {
@@ -142,7 +143,7 @@ impl Guard {
                 Err(error) => notes.push(format!("'{}' is left out: {error}", expert.name())),
             }
         }
-        let changes = Changes { sample: &sample, views: &views, missing: &missing, changes };
+        let changes = Changes::new(&sample, &lanes, &missing, changes);
         let weights = Weights::fit(&changes);
         let names = CORRECTIONS.into_iter().chain(experts.iter().map(|expert| expert.name()));
         let judgement = judge(&changes, &weights, names.map(str::to_owned).collect(), notes);
@@ -172,12 +173,12 @@ fn change(expert: &dyn Expert, view: &View) -> Result<Vec<f32>, Error> {
 }
 
 /// What an expert changes that has learnt from the batch.
-fn learnt_change(learnt: &dyn Correction, sample: &Sample, view: &View) -> Vec<f32> {
-    let change = |lane: usize| {
+fn learnt_change(learnt: &dyn Correction, sample: &Sample, lanes: &Lanes) -> Vec<f32> {
+    let change = |(lane, numbers): (usize, &Numbers)| {
         let half = sample.pixels[lane / sample.channels].half;
-        learnt.change(view, &view.numbers(lane), half) as f32
+        learnt.change(lanes.unit, numbers, half) as f32
     };
-    (0..view.mean.len()).into_par_iter().map(change).collect()
+    lanes.numbers.par_iter().enumerate().map(change).collect()
 }
 
 impl FittedGuard<'_> {
@@ -208,11 +209,11 @@ impl FittedGuard<'_> {
             }
             let half = chunk.half(lane);
             let numbers = view.numbers(lane);
-            let corrected = corrections.iter().map(|it| it.change(&view, &numbers, half));
+            let corrected = corrections.iter().map(|it| it.change(*unit, &numbers, half));
             let mut d = [0.0; MOST];
             let all = corrected.chain(changes.iter().map(|change| f64::from(change[lane])));
             d.iter_mut().zip(all).for_each(|(d, change)| *d = change);
-            let w = weights.at(&strata(&view, lane, d[0] as f32), half);
+            let w = weights.at(strata(*unit, &numbers, d[0]), half);
             let blend = plain + d.iter().zip(w).map(|(d, w)| d * w).sum::<f64>();
             *value = blend as f32;
             if !value.is_finite() {

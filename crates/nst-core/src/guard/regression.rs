@@ -8,7 +8,9 @@
 //! ```
 //!
 //! where c is the solution of weighted least squares against h − S of folds held out. Both κ
-//! and v are needed: the noise of a lane of which y alone is known is little to learn from.
+//! and v are needed: with one of them alone, much less is learnt. There are two regressions:
+//! one weighs errors by 1/(s + .1 u), the other, for which errors count relative to the
+//! brightness, by the square of that.
 //! What half of the chessboard teaches is applied to the other half.
 
 use rayon::prelude::*;
@@ -17,7 +19,7 @@ use super::{
     Correction,
     sample::Sample,
     table::PIXELS_PER_TASK,
-    view::{Numbers, View},
+    view::{Lanes, Numbers},
 };
 
 const INPUTS: usize = 5;
@@ -45,12 +47,12 @@ struct Equations {
 
 impl Regression {
     /// Learns from views without each of the groups, and the means of those groups minus the
-    /// plain estimates, `[group][lane]`.
-    pub(super) fn fit(sample: &Sample, views: &[View], missing: &[Vec<f32>]) -> Self {
+    /// plain estimates, `[group][lane]`. Errors are weighed by 1/(s + .1 u) to this power.
+    pub(super) fn fit(sample: &Sample, views: &[Lanes], missing: &[Vec<f32>], power: i32) -> Self {
         let tasks = sample.pixels.len().div_ceil(PIXELS_PER_TASK);
         let parts: Vec<[Equations; 2]> = (0..tasks)
             .into_par_iter()
-            .map(|task| equations(sample, views, missing, task * PIXELS_PER_TASK))
+            .map(|task| equations(sample, views, missing, power, task * PIXELS_PER_TASK))
             .collect();
         let mut total = [Equations::default(), Equations::default()];
         for part in &parts {
@@ -61,8 +63,8 @@ impl Regression {
 }
 
 impl Correction for Regression {
-    fn change(&self, view: &View, numbers: &Numbers, half: usize) -> f64 {
-        let features = features(view, numbers);
+    fn change(&self, unit: f64, numbers: &Numbers, half: usize) -> f64 {
+        let features = features(unit, numbers);
         let change: f64 =
             features.iter().zip(&self.coefficients[1 - half]).map(|(f, c)| f * c).sum();
         numbers.bounded(change)
@@ -70,15 +72,15 @@ impl Correction for Regression {
 }
 
 /// s x_i x_j of a lane.
-fn features(view: &View, numbers: &Numbers) -> Features {
-    let Numbers { scale, root_spread, .. } = *numbers;
-    let size = numbers.mean.abs();
+fn features(unit: f64, numbers: &Numbers) -> Features {
+    let Numbers { mean, scale, root_spread, log_spread, .. } = *numbers;
+    let size = mean.abs();
     let x = [
         1.0,
-        (scale / view.unit).ln() / 2.0,
+        (scale / unit).ln() / 2.0,
         root_spread.sqrt(),
-        numbers.log_spread() / 3.0,
-        size / (size + view.unit),
+        log_spread / 3.0,
+        size / (size + unit),
     ];
     let mut features = [0.0; FEATURES];
     let mut next = 0;
@@ -94,8 +96,9 @@ fn features(view: &View, numbers: &Numbers) -> Features {
 /// The equations of a task's pixels, of both halves.
 fn equations(
     sample: &Sample,
-    views: &[View],
+    views: &[Lanes],
     missing: &[Vec<f32>],
+    power: i32,
     first: usize,
 ) -> [Equations; 2] {
     let mut halves = [Equations::default(), Equations::default()];
@@ -104,10 +107,9 @@ fn equations(
         let equations = &mut halves[sample.pixels[pixel].half];
         for (view, missing) in views.iter().zip(missing) {
             for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
-                let numbers = view.numbers(lane);
-                let f = features(view, &numbers);
-                // Errors count relative to the brightness, but in the dark.
-                let weight = (numbers.scale + 0.1 * view.unit).powi(-2);
+                let numbers = &view.numbers[lane];
+                let f = features(view.unit, numbers);
+                let weight = (numbers.scale + 0.1 * view.unit).powi(-power);
                 let target = weight * f64::from(missing[lane]);
                 for i in 0..FEATURES {
                     equations.right[i] += target * f[i];

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::{Error, FOLDS, LANES_PER_BLOCK, SequenceBatch, Side, Strips, fold_count, random::mix};
 
 /// The most pixels that weights are fitted to. Their sums are far from noise then.
-const MOST_PIXELS: usize = 1 << 16;
+const MOST_PIXELS: usize = 1 << 15;
 
 /// Means of y, √y and y² over each fold of a lane, `[kind][fold]`.
 pub(super) type LaneMeans = [[f32; FOLDS]; 3];

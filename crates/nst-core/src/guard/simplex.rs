@@ -1,7 +1,7 @@
 //! The best blend of a few experts: a small quadratic problem on the simplex.
 
 /// The most experts of one blend: all sets of them are tried.
-pub(super) const MOST: usize = 6;
+pub(super) const MOST: usize = 8;
 
 /// What is added to the diagonal of A, relative to itself: experts that agree share a weight.
 const RIDGE: f64 = 1e-4;

@@ -17,7 +17,7 @@ use super::{
     Correction,
     sample::Sample,
     simplex::certainty,
-    view::{BRIGHTNESS, Numbers, SPREAD, View},
+    view::{BRIGHTNESS, Lanes, Numbers, SPREAD},
 };
 
 const COLUMNS: usize = SPREAD.knots();
@@ -50,7 +50,7 @@ struct Sums {
 impl Table {
     /// Learns from views without each of the groups, and the means of those groups minus the
     /// plain estimates, `[group][lane]`.
-    pub(super) fn fit(sample: &Sample, views: &[View], missing: &[Vec<f32>]) -> Self {
+    pub(super) fn fit(sample: &Sample, views: &[Lanes], missing: &[Vec<f32>]) -> Self {
         let tasks = sample.pixels.len().div_ceil(PIXELS_PER_TASK);
         let parts: Vec<Sums> = (0..tasks)
             .into_par_iter()
@@ -68,18 +68,18 @@ impl Table {
 }
 
 impl Correction for Table {
-    fn change(&self, view: &View, numbers: &Numbers, half: usize) -> f64 {
+    fn change(&self, _: f64, numbers: &Numbers, half: usize) -> f64 {
         let changes = &self.changes[1 - half];
-        let cells = cells(view, numbers);
+        let cells = cells(numbers);
         let sum: f64 = cells.iter().map(|&(cell, share)| share * changes[cell]).sum();
         numbers.bounded(sum * numbers.scale)
     }
 }
 
 /// The four cells that a lane lies between, and its shares of them.
-fn cells(view: &View, numbers: &Numbers) -> [(usize, f64); 4] {
-    let rows = view.brightness(numbers.mean).knots();
-    let columns = SPREAD.place(numbers.log_spread()).knots();
+fn cells(numbers: &Numbers) -> [(usize, f64); 4] {
+    let rows = numbers.brightness.knots();
+    let columns = numbers.spread.knots();
     std::array::from_fn(|i| {
         let ((row, a), (column, b)) = (rows[i / 2], columns[i % 2]);
         (row * COLUMNS + column, a * b)
@@ -95,7 +95,7 @@ impl Default for Sums {
 
 impl Sums {
     /// Those of a task's pixels.
-    fn of(sample: &Sample, views: &[View], missing: &[Vec<f32>], first: usize) -> Self {
+    fn of(sample: &Sample, views: &[Lanes], missing: &[Vec<f32>], first: usize) -> Self {
         let mut sums = Self::default();
         let end = sample.pixels.len().min(first + PIXELS_PER_TASK);
         let mut touched: Vec<(usize, f64)> = Vec::new();
@@ -104,9 +104,9 @@ impl Sums {
             touched.clear();
             for (view, missing) in views.iter().zip(missing) {
                 for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
-                    let numbers = view.numbers(lane);
+                    let numbers = &view.numbers[lane];
                     let scale = numbers.scale;
-                    for (cell, share) in cells(view, &numbers) {
+                    for (cell, share) in cells(numbers) {
                         let product = share * scale * f64::from(missing[lane]);
                         sums.scales[half][cell] += share * scale * scale;
                         sums.products[half][cell] += product;

@@ -1,5 +1,7 @@
 //! Lanes as they look without a group of folds, in numbers that have no dimension.
 
+use rayon::prelude::*;
+
 use super::{
     hats::{Hats, Place},
     sample::{LaneMeans, mean_without},
@@ -36,19 +38,23 @@ pub(super) struct View {
     square: Vec<f32>,
 }
 
-/// What corrections are computed from.
+/// What corrections and strata are computed from.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Numbers {
     /// S
     pub(super) mean: f64,
     /// s = |S| + .01 u, to which corrections are in proportion.
     pub(super) scale: f64,
-    /// The standard error of S.
-    pub(super) error: f64,
-    /// The relative variance of a sample, 0 in the dark.
-    pub(super) spread: f64,
+    /// The variance of S, estimated.
+    pub(super) variance: f64,
     /// The relative variance of the root of a sample: κ = 1 − (mean √y)²/S, from 0 to 1.
     pub(super) root_spread: f64,
+    /// ln(v + .01) of the relative variance v of a sample, which counts as 0 in the dark.
+    pub(super) log_spread: f64,
+    /// Where S, v, and the standard error of S relative to S lie.
+    pub(super) brightness: Place,
+    pub(super) spread: Place,
+    pub(super) uncertainty: Place,
 }
 
 impl View {
@@ -58,13 +64,8 @@ impl View {
             lanes.iter().map(|lane| mean_without(&lane[kind], counts, group) as f32).collect()
         };
         let samples = counts.iter().enumerate().filter(|(fold, _)| *fold != group);
-        Self {
-            samples: samples.map(|(_, count)| count).sum(),
-            unit,
-            mean: of_kind(0),
-            root: of_kind(1),
-            square: of_kind(2),
-        }
+        let samples = samples.map(|(_, count)| count).sum();
+        Self { samples, unit, mean: of_kind(0), root: of_kind(1), square: of_kind(2) }
     }
 
     /// What an expert sees.
@@ -73,46 +74,54 @@ impl View {
         Seen { samples: *samples, unit: *unit, mean, root, square }
     }
 
-    /// The estimated variance of the plain estimate.
-    pub(super) fn variance(&self, lane: usize) -> f64 {
-        self.seen().variance(lane)
-    }
-
     pub(super) fn numbers(&self, lane: usize) -> Numbers {
         let (mean, root) = (f64::from(self.mean[lane]), f64::from(self.root[lane]));
         let size = mean.abs();
-        let variance = self.variance(lane);
+        let variance = self.seen().variance(lane);
         let (mut spread, mut root_spread) = (0.0, 0.0);
         if size > DARK * self.unit {
             spread = variance * self.samples / (size * size);
             root_spread = (1.0 - root * root / size).clamp(0.0, 1.0);
         }
-        let scale = size + FLOOR * self.unit;
-        Numbers { mean, scale, error: variance.sqrt(), spread, root_spread }
+        let log_spread = (spread + FLOOR).ln();
+        Numbers {
+            mean,
+            scale: size + FLOOR * self.unit,
+            variance,
+            root_spread,
+            log_spread,
+            brightness: brightness(mean, self.unit),
+            spread: SPREAD.place(log_spread),
+            uncertainty: UNCERTAINTY.place(((spread / self.samples).sqrt() + 0.001).ln()),
+        }
     }
+}
 
-    /// Where the brightness of an estimate lies.
-    pub(super) fn brightness(&self, estimate: f64) -> Place {
-        BRIGHTNESS.place((estimate.abs() / self.unit + FLOOR).ln())
-    }
+/// Where the brightness of an estimate lies.
+pub(super) fn brightness(estimate: f64, unit: f64) -> Place {
+    BRIGHTNESS.place((estimate.abs() / unit + FLOOR).ln())
+}
 
-    /// Where the uncertainty of the plain estimate lies.
-    pub(super) fn uncertainty(&self, numbers: &Numbers) -> Place {
-        UNCERTAINTY.place(((numbers.spread / self.samples).sqrt() + 0.001).ln())
+/// The numbers of all lanes of a view, `[lane]`.
+#[derive(Clone, Debug)]
+pub(super) struct Lanes {
+    pub(super) unit: f64,
+    pub(super) numbers: Vec<Numbers>,
+}
+
+impl Lanes {
+    pub(super) fn of(view: &View) -> Self {
+        let numbers = (0..view.mean.len()).into_par_iter().map(|lane| view.numbers(lane));
+        Self { unit: view.unit, numbers: numbers.collect() }
     }
 }
 
 impl Numbers {
-    /// ln(v + .01) of the relative variance v of a sample.
-    pub(super) fn log_spread(&self) -> f64 {
-        (self.spread + FLOOR).ln()
-    }
-
     /// A correction, within what may be noise of S. Towards 0 it ends there. Away from 0 it is
     /// the smaller the more S depends on few samples: those are bright by chance more often
     /// than others are dark.
     pub(super) fn bounded(&self, change: f64) -> f64 {
-        let most = MOST_ERRORS * self.error;
+        let most = MOST_ERRORS * self.variance.sqrt();
         let (towards, away) = (most.min(self.mean.abs()), most * (1.0 - self.root_spread));
         if self.mean < 0.0 { change.clamp(-away, towards) } else { change.clamp(-towards, away) }
     }

@@ -3,10 +3,11 @@
 use rayon::prelude::*;
 
 use super::{
+    hats::Place,
     sample::{SHARE, Sample},
     simplex::{MOST, Moments, best_weights, certainty},
     table::PIXELS_PER_TASK,
-    view::{BRIGHTNESS, UNCERTAINTY, View},
+    view::{BRIGHTNESS, Lanes, Numbers, UNCERTAINTY, brightness},
 };
 
 const COLUMNS: usize = UNCERTAINTY.knots();
@@ -27,11 +28,13 @@ const SHARED: f64 = 0.2;
 pub(super) struct Changes<'a> {
     pub(super) sample: &'a Sample,
     /// `[group]`; after the groups, that of all folds.
-    pub(super) views: &'a [View],
+    pub(super) views: &'a [Lanes],
     /// The means of the groups held out minus the plain estimates, `[group][lane]`.
     pub(super) missing: &'a [Vec<f32>],
     /// `[expert][group][lane]`; after the groups, those of all folds.
     pub(super) changes: Vec<Vec<Vec<f32>>>,
+    /// `[group][lane]`
+    pub(super) strata: Vec<Vec<Strata>>,
 }
 
 /// The weights of the experts in each stratum, by the half that they were learnt from.
@@ -50,10 +53,19 @@ struct Stratum {
     variance: f64,
 }
 
-impl Changes<'_> {
-    /// The strata of a lane.
-    pub(super) fn place(&self, group: usize, lane: usize) -> Strata {
-        strata(&self.views[group], lane, self.changes[0][group][lane])
+impl<'a> Changes<'a> {
+    pub(super) fn new(
+        sample: &'a Sample,
+        views: &'a [Lanes],
+        missing: &'a [Vec<f32>],
+        changes: Vec<Vec<Vec<f32>>>,
+    ) -> Self {
+        let of_view = |(view, changes): (&Lanes, &Vec<f32>)| {
+            let lanes = view.numbers.par_iter().zip(changes);
+            lanes.map(|(numbers, &change)| strata(view.unit, numbers, change.into())).collect()
+        };
+        let strata = views.iter().zip(&changes[0]).map(of_view).collect();
+        Self { sample, views, missing, changes, strata }
     }
 
     /// What each expert changes.
@@ -79,25 +91,29 @@ impl Weights {
     }
 
     /// The weights of a lane whose pixel is in this half, learnt from the other.
-    pub(super) fn at(&self, place: &Strata, half: usize) -> [f64; MOST] {
-        let strata = &self.strata[1 - half];
-        std::array::from_fn(|k| place.iter().map(|&(at, share)| share * strata[at][k]).sum())
+    pub(super) fn at(&self, strata: Strata, half: usize) -> [f64; MOST] {
+        let of_half = &self.strata[1 - half];
+        let cells = cells(strata);
+        std::array::from_fn(|k| cells.iter().map(|&(cell, share)| share * of_half[cell][k]).sum())
     }
 }
 
-/// The four strata that a lane lies between, and its shares of them.
-pub(super) type Strata = [(usize, f64); 4];
+/// Where a lane lies in brightness and in uncertainty.
+pub(super) type Strata = [Place; 2];
 
-/// The strata of a lane: the brightness is that of the first expert's estimate, which has less
-/// noise than S.
-pub(super) fn strata(view: &View, lane: usize, first_change: f32) -> Strata {
-    let numbers = view.numbers(lane);
-    let rows = view.brightness((numbers.mean + f64::from(first_change)).max(0.0)).knots();
-    let columns = view.uncertainty(&numbers).knots();
+/// The four strata that a lane lies between, and its shares of them.
+fn cells([brightness, uncertainty]: Strata) -> [(usize, f64); 4] {
+    let (rows, columns) = (brightness.knots(), uncertainty.knots());
     std::array::from_fn(|i| {
         let ((row, a), (column, b)) = (rows[i / 2], columns[i % 2]);
         (row * COLUMNS + column, a * b)
     })
+}
+
+/// The strata of a lane: the brightness is that of the first expert's estimate, which has less
+/// noise than S.
+pub(super) fn strata(unit: f64, numbers: &Numbers, first_change: f64) -> Strata {
+    [brightness((numbers.mean + first_change).max(0.0), unit), numbers.uncertainty]
 }
 
 /// The sums of a task's pixels, `[half][stratum]`.
@@ -108,20 +124,30 @@ fn sums(changes: &Changes<'_>, first: usize) -> [[Stratum; STRATA]; 2] {
     let end = sample.pixels.len().min(first + PIXELS_PER_TASK);
     for pixel in first..end {
         let sums = &mut sums[sample.pixels[pixel].half];
+        let all_folds = missing.len();
+        for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
+            // The weights are for all folds.
+            let d = changes.of_lane(all_folds, lane);
+            for (stratum, share) in cells(changes.strata[all_folds][lane]) {
+                let share = share * all_folds as f64;
+                for i in 0..count {
+                    for j in 0..count {
+                        sums[stratum].moments.a[i][j] += share * d[i] * d[j];
+                    }
+                }
+            }
+        }
         // Channels share samples, and what is held out of a pixel in turn adds to 0: noise is
         // that of a pixel's sum.
         let mut of_pixel = [[0.0; MOST]; STRATA];
         for (group, missing) in missing.iter().enumerate() {
             for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
                 let d = changes.of_lane(group, lane);
-                let variance = changes.views[group].variance(lane);
-                for (stratum, share) in changes.place(group, lane) {
+                let variance = changes.views[group].numbers[lane].variance;
+                for (stratum, share) in cells(changes.strata[group][lane]) {
                     sums[stratum].variance += share * variance;
                     for i in 0..count {
                         of_pixel[stratum][i] += share * d[i] * f64::from(missing[lane]);
-                        for j in 0..count {
-                            sums[stratum].moments.a[i][j] += share * d[i] * d[j];
-                        }
                     }
                 }
             }
@@ -180,9 +206,11 @@ fn shared(
 
 /// The best weights of each stratum, drawn towards 0 by as much of the gain as may be noise.
 fn weights(strata: &[Stratum; STRATA], count: usize) -> [[f64; MOST]; STRATA] {
-    strata.map(|Stratum { mut moments, noise, variance }| {
+    strata.map(|Stratum { mut moments, mut noise, variance }| {
         // What all samples lack is less than what those without a group lack.
         moments.b.iter_mut().for_each(|b| *b *= SHARE);
+        noise.iter_mut().flatten().for_each(|noise| *noise *= SHARE * SHARE);
+        let variance = SHARE * variance;
         let w = best_weights(&moments, &noise, count);
         let gain: f64 = (0..count).map(|i| w[i] * moments.b[i]).sum();
         let pairs = (0..count).flat_map(|i| (0..count).map(move |j| (i, j)));
