@@ -1,6 +1,8 @@
 //! What the guard says about its own blend: how much each expert is trusted, and what that
 //! gains.
 
+use rayon::prelude::*;
+
 use super::{
     sample::SHARE,
     simplex::MOST,
@@ -49,27 +51,37 @@ pub(super) fn judge(
 ) -> Judgement {
     let sample = changes.sample;
     let all_folds = changes.missing.len();
+    let judged: Vec<([f64; 2], [f64; MOST])> = sample
+        .pixels
+        .par_iter()
+        .enumerate()
+        .map(|(pixel, of_pixel)| {
+            let [mut change, mut variance] = [0.0; 2];
+            let mut trust = [0.0; MOST];
+            for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
+                let blend = |group: usize| {
+                    let w = weights.at(changes.strata[group][lane], of_pixel.half);
+                    let d =
+                        changes.of_lane(group, lane).into_iter().zip(w).map(|(d, w)| d * w).sum();
+                    (d, w)
+                };
+                let products = changes.missing.iter().enumerate().map(|(group, missing)| {
+                    let (d, _): (f64, _) = blend(group);
+                    d * f64::from(missing[lane]) / all_folds as f64
+                });
+                let product: f64 = products.sum();
+                let (d, w) = blend(all_folds);
+                change += d * d - 2.0 * SHARE * product;
+                variance += changes.views[all_folds].numbers[lane].variance;
+                trust.iter_mut().zip(w).for_each(|(trust, w)| *trust += w);
+            }
+            ([change, variance], trust)
+        })
+        .collect();
+    let pixels: Vec<[f64; 2]> = judged.iter().map(|(pixel, _)| *pixel).collect();
     let mut trust = [0.0; MOST];
-    let mut pixels = Vec::with_capacity(sample.pixels.len());
-    for (pixel, of_pixel) in sample.pixels.iter().enumerate() {
-        let [mut change, mut variance] = [0.0; 2];
-        for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
-            let blend = |group: usize| {
-                let w = weights.at(changes.strata[group][lane], of_pixel.half);
-                let d = changes.of_lane(group, lane).into_iter().zip(w).map(|(d, w)| d * w).sum();
-                (d, w)
-            };
-            let products = changes.missing.iter().enumerate().map(|(group, missing)| {
-                let (d, _): (f64, _) = blend(group);
-                d * f64::from(missing[lane]) / all_folds as f64
-            });
-            let product: f64 = products.sum();
-            let (d, w) = blend(all_folds);
-            change += d * d - 2.0 * SHARE * product;
-            variance += changes.views[all_folds].numbers[lane].variance;
-            trust.iter_mut().zip(w).for_each(|(trust, w)| *trust += w);
-        }
-        pixels.push([change, variance]);
+    for (_, of_pixel) in &judged {
+        trust.iter_mut().zip(of_pixel).for_each(|(sum, trust)| *sum += trust);
     }
     let lanes = sample.lanes.len().max(1) as f64;
     let samples: f64 = sample.counts.iter().sum();

@@ -32,7 +32,7 @@ use rayon::prelude::*;
 
 pub use judge::Judgement;
 use judge::judge;
-use regression::Regression;
+use regression::Regressions;
 use sample::{GROUPS, LaneMeans, Sample, counts, sides};
 pub use seen::{Expert, OfTransform, Seen};
 use simplex::MOST;
@@ -67,17 +67,37 @@ pub struct FittedGuard<'a> {
     judgement: Judgement,
 }
 
-/// An expert that learns from the batch, half by half.
-trait Correction: Send + Sync {
-    /// The change of a lane whose pixel is in this half, learnt from the other half.
-    fn change(&self, unit: f64, numbers: &Numbers, half: usize) -> f64;
-}
-
+/// What is learnt from a batch.
 struct Learnt {
-    corrections: [Box<dyn Correction>; CORRECTIONS.len()],
+    corrections: Corrections,
     weights: Weights,
     /// The mean of |S| over all lanes.
     unit: f64,
+}
+
+/// The experts that learn from the batch.
+struct Corrections {
+    regressions: Regressions,
+    table: Table,
+}
+
+impl Corrections {
+    /// The changes of a lane whose pixel is in this half, by what the other half teaches, in the
+    /// order of [`CORRECTIONS`].
+    fn changes(&self, unit: f64, numbers: &Numbers, half: usize) -> [f64; CORRECTIONS.len()] {
+        let [relative, absolute] = self.regressions.changes(unit, numbers, half);
+        [relative, absolute, self.table.change(numbers, half)]
+    }
+
+    /// Those of all lanes, `[expert][lane]`.
+    fn of_lanes(&self, sample: &Sample, lanes: &Lanes) -> [Vec<f32>; CORRECTIONS.len()] {
+        let of_lane = |(lane, numbers): (usize, &Numbers)| {
+            let half = sample.pixels[lane / sample.channels].half;
+            self.changes(lanes.unit, numbers, half).map(|change| change as f32)
+        };
+        let all: Vec<_> = lanes.numbers.par_iter().enumerate().map(of_lane).collect();
+        std::array::from_fn(|k| all.iter().map(|changes| changes[k]).collect())
+    }
 }
 
 impl Guard {
@@ -123,15 +143,15 @@ impl Guard {
         let missing = missing(&sample, &views[..GROUPS]);
         let lanes: Vec<Lanes> = views.iter().map(Lanes::of).collect();
         let held_out = &lanes[..GROUPS];
-        let corrections: [Box<dyn Correction>; CORRECTIONS.len()] = [
-            Box::new(Regression::fit(&sample, held_out, &missing, 2)),
-            Box::new(Regression::fit(&sample, held_out, &missing, 1)),
-            Box::new(Table::fit(&sample, held_out, &missing)),
-        ];
-        let of_learnt = |learnt: &dyn Correction| -> Vec<Vec<f32>> {
-            lanes.iter().map(|lanes| learnt_change(learnt, &sample, lanes)).collect()
+        let corrections = Corrections {
+            regressions: Regressions::fit(&sample, held_out, &missing),
+            table: Table::fit(&sample, held_out, &missing),
         };
-        let mut changes: Vec<_> = corrections.iter().map(|it| of_learnt(&**it)).collect();
+        let mut changes = vec![Vec::new(); CORRECTIONS.len()];
+        for lanes in &lanes {
+            let of_view = corrections.of_lanes(&sample, lanes);
+            changes.iter_mut().zip(of_view).for_each(|(changes, of_view)| changes.push(of_view));
+        }
         let mut notes = Vec::new();
         let mut experts: Vec<&dyn Expert> = Vec::new();
         for expert in &self.experts {
@@ -172,15 +192,6 @@ fn change(expert: &dyn Expert, view: &View) -> Result<Vec<f32>, Error> {
     Ok(estimates)
 }
 
-/// What an expert changes that has learnt from the batch.
-fn learnt_change(learnt: &dyn Correction, sample: &Sample, lanes: &Lanes) -> Vec<f32> {
-    let change = |(lane, numbers): (usize, &Numbers)| {
-        let half = sample.pixels[lane / sample.channels].half;
-        learnt.change(lanes.unit, numbers, half) as f32
-    };
-    lanes.numbers.par_iter().enumerate().map(change).collect()
-}
-
 impl FittedGuard<'_> {
     /// What was found out about the experts.
     #[must_use]
@@ -209,8 +220,8 @@ impl FittedGuard<'_> {
             }
             let half = chunk.half(lane);
             let numbers = view.numbers(lane);
-            let corrected = corrections.iter().map(|it| it.change(*unit, &numbers, half));
             let mut d = [0.0; MOST];
+            let corrected = corrections.changes(*unit, &numbers, half).into_iter();
             let all = corrected.chain(changes.iter().map(|change| f64::from(change[lane])));
             d.iter_mut().zip(all).for_each(|(d, change)| *d = change);
             let w = weights.at(strata(*unit, &numbers, d[0]), half);

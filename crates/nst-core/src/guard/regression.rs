@@ -1,5 +1,5 @@
-//! The regression: an expert that learns from the very batch how the plain estimate errs, as
-//! a quadratic function of what is known of a lane.
+//! The regressions: experts that learn from the very batch how the plain estimate errs, as
+//! quadratic functions of what is known of a lane.
 //!
 //! With the lane's scale s, the relative variance κ of √y and the relative variance v of y,
 //!
@@ -16,7 +16,6 @@
 use rayon::prelude::*;
 
 use super::{
-    Correction,
     sample::Sample,
     table::PIXELS_PER_TASK,
     view::{Lanes, Numbers},
@@ -30,13 +29,17 @@ const PENALTY: f64 = 1e-4;
 
 type Features = [f64; FEATURES];
 
-/// c, by the half that it was learnt from.
+/// The powers of 1/(s + .1 u) by which the regressions weigh errors.
+const POWERS: [i32; 2] = [2, 1];
+
+/// c of each regression, by the half that it was learnt from.
 #[derive(Clone, Debug)]
-pub(super) struct Regression {
-    coefficients: [Features; 2],
+pub(super) struct Regressions {
+    /// `[regression][half]`
+    coefficients: [[Features; 2]; POWERS.len()],
 }
 
-/// The normal equations of one half.
+/// The normal equations of one regression and one half.
 #[derive(Clone)]
 struct Equations {
     /// Σ W f fᵀ, the lower half.
@@ -45,43 +48,41 @@ struct Equations {
     right: Features,
 }
 
-impl Regression {
-    /// Learns from views without each of the groups, and the means of those groups minus the
-    /// plain estimates, `[group][lane]`. Errors are weighed by 1/(s + .1 u) to this power.
-    pub(super) fn fit(sample: &Sample, views: &[Lanes], missing: &[Vec<f32>], power: i32) -> Self {
-        let tasks = sample.pixels.len().div_ceil(PIXELS_PER_TASK);
-        let parts: Vec<[Equations; 2]> = (0..tasks)
-            .into_par_iter()
-            .map(|task| equations(sample, views, missing, power, task * PIXELS_PER_TASK))
-            .collect();
-        let mut total = [Equations::default(), Equations::default()];
-        for part in &parts {
-            total.iter_mut().zip(part).for_each(|(sum, part)| sum.add(part));
-        }
-        Self { coefficients: total.map(|half| half.solve()) }
-    }
-}
+/// `[regression][half]`
+type AllEquations = [[Equations; 2]; POWERS.len()];
 
-impl Correction for Regression {
-    fn change(&self, unit: f64, numbers: &Numbers, half: usize) -> f64 {
+impl Regressions {
+    /// Learns from views without each of the groups, and the means of those groups minus the
+    /// plain estimates, `[group][lane]`.
+    pub(super) fn fit(sample: &Sample, views: &[Lanes], missing: &[Vec<f32>]) -> Self {
+        let tasks = sample.pixels.len().div_ceil(PIXELS_PER_TASK);
+        let parts: Vec<AllEquations> = (0..tasks)
+            .into_par_iter()
+            .map(|task| equations(sample, views, missing, task * PIXELS_PER_TASK))
+            .collect();
+        let mut total = AllEquations::default();
+        for part in &parts {
+            let pairs = total.iter_mut().flatten().zip(part.iter().flatten());
+            pairs.for_each(|(sum, part)| sum.add(part));
+        }
+        Self { coefficients: total.map(|halves| halves.map(Equations::solve)) }
+    }
+
+    /// The changes of a lane whose pixel is in this half, learnt from the other half.
+    pub(super) fn changes(&self, unit: f64, numbers: &Numbers, half: usize) -> [f64; POWERS.len()] {
         let features = features(unit, numbers);
-        let change: f64 =
-            features.iter().zip(&self.coefficients[1 - half]).map(|(f, c)| f * c).sum();
-        numbers.bounded(change)
+        self.coefficients.each_ref().map(|halves| {
+            let change = features.iter().zip(&halves[1 - half]).map(|(f, c)| f * c).sum();
+            numbers.bounded(change)
+        })
     }
 }
 
 /// s x_i x_j of a lane.
 fn features(unit: f64, numbers: &Numbers) -> Features {
-    let Numbers { mean, scale, root_spread, log_spread, .. } = *numbers;
+    let Numbers { mean, scale, root_spread, log_scale, log_spread, .. } = *numbers;
     let size = mean.abs();
-    let x = [
-        1.0,
-        (scale / unit).ln() / 2.0,
-        root_spread.sqrt(),
-        log_spread / 3.0,
-        size / (size + unit),
-    ];
+    let x = [1.0, log_scale / 2.0, root_spread.sqrt(), log_spread / 3.0, size / (size + unit)];
     let mut features = [0.0; FEATURES];
     let mut next = 0;
     for i in 0..INPUTS {
@@ -93,35 +94,24 @@ fn features(unit: f64, numbers: &Numbers) -> Features {
     features
 }
 
-/// The equations of a task's pixels, of both halves.
-fn equations(
-    sample: &Sample,
-    views: &[Lanes],
-    missing: &[Vec<f32>],
-    power: i32,
-    first: usize,
-) -> [Equations; 2] {
-    let mut halves = [Equations::default(), Equations::default()];
+/// The equations of a task's pixels.
+fn equations(sample: &Sample, views: &[Lanes], missing: &[Vec<f32>], first: usize) -> AllEquations {
+    let mut equations = AllEquations::default();
     let end = sample.pixels.len().min(first + PIXELS_PER_TASK);
     for pixel in first..end {
-        let equations = &mut halves[sample.pixels[pixel].half];
+        let half = sample.pixels[pixel].half;
         for (view, missing) in views.iter().zip(missing) {
             for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
                 let numbers = &view.numbers[lane];
                 let f = features(view.unit, numbers);
-                let weight = (numbers.scale + 0.1 * view.unit).powi(-power);
-                let target = weight * f64::from(missing[lane]);
-                for i in 0..FEATURES {
-                    equations.right[i] += target * f[i];
-                    let weighted = weight * f[i];
-                    for j in 0..=i {
-                        equations.matrix[i][j] += weighted * f[j];
-                    }
+                for (equations, power) in equations.iter_mut().zip(POWERS) {
+                    let weight = (numbers.scale + 0.1 * view.unit).powi(-power);
+                    equations[half].take(&f, weight, f64::from(missing[lane]));
                 }
             }
         }
     }
-    halves
+    equations
 }
 
 impl Default for Equations {
@@ -131,6 +121,17 @@ impl Default for Equations {
 }
 
 impl Equations {
+    /// Adds a lane.
+    fn take(&mut self, f: &Features, weight: f64, missing: f64) {
+        for i in 0..FEATURES {
+            let weighted = weight * f[i];
+            self.right[i] += weighted * missing;
+            for j in 0..=i {
+                self.matrix[i][j] += weighted * f[j];
+            }
+        }
+    }
+
     fn add(&mut self, other: &Self) {
         for i in 0..FEATURES {
             self.right[i] += other.right[i];

@@ -95,6 +95,8 @@ impl Sample {
     ) -> Part {
         let limit = limit.load(Ordering::Relaxed);
         let mut part = Part::default();
+        let shares: [_; GROUPS + 1] =
+            std::array::from_fn(|group| shares_without(&self.counts, group));
         let (pixels, plane) = match strip.grid() {
             Some(grid) => (grid.width() * block..grid.width() * (block + 1), grid.pixels()),
             None => {
@@ -115,8 +117,10 @@ impl Sample {
             }
             part.finite += self.channels;
             for lane in lanes.clone() {
-                for (group, unit) in part.units.iter_mut().enumerate() {
-                    *unit += mean_without(&lane[0], &self.counts, group).abs();
+                for (unit, shares) in part.units.iter_mut().zip(&shares) {
+                    let mean: f64 =
+                        lane[0].iter().zip(shares).map(|(x, share)| share * f64::from(*x)).sum();
+                    *unit += mean.abs();
                 }
             }
             let hash = mix(number);
@@ -164,15 +168,9 @@ pub(super) fn counts(sample_counts: &[u32]) -> [f64; FOLDS] {
     std::array::from_fn(|fold| fold_count(fold, n))
 }
 
-/// The mean of the folds without a group; of all, if there is no such group.
-#[inline]
-pub(super) fn mean_without(means: &[f32; FOLDS], counts: &[f64; FOLDS], group: usize) -> f64 {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for fold in 0..FOLDS {
-        if fold != group {
-            sum += counts[fold] * f64::from(means[fold]);
-            count += counts[fold];
-        }
-    }
-    sum / count
+/// The shares of the folds in the mean without a group; of all, if there is no such group.
+pub(super) fn shares_without(counts: &[f64; FOLDS], group: usize) -> [f64; FOLDS] {
+    let kept = |fold: usize| if fold == group { 0.0 } else { counts[fold] };
+    let count: f64 = (0..FOLDS).map(kept).sum();
+    std::array::from_fn(|fold| kept(fold) / count)
 }

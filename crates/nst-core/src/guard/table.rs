@@ -14,7 +14,6 @@
 use rayon::prelude::*;
 
 use super::{
-    Correction,
     sample::Sample,
     simplex::certainty,
     view::{BRIGHTNESS, Lanes, Numbers, SPREAD},
@@ -65,10 +64,9 @@ impl Table {
         };
         Self { changes: [0, 1].map(|half| std::array::from_fn(|cell| change(half, cell))) }
     }
-}
 
-impl Correction for Table {
-    fn change(&self, _: f64, numbers: &Numbers, half: usize) -> f64 {
+    /// The change of a lane whose pixel is in this half, learnt from the other half.
+    pub(super) fn change(&self, numbers: &Numbers, half: usize) -> f64 {
         let changes = &self.changes[1 - half];
         let cells = cells(numbers);
         let sum: f64 = cells.iter().map(|&(cell, share)| share * changes[cell]).sum();

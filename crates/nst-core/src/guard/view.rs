@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::{
     hats::{Hats, Place},
-    sample::{LaneMeans, mean_without},
+    sample::{LaneMeans, shares_without},
     seen::Seen,
 };
 use crate::FOLDS;
@@ -49,6 +49,8 @@ pub(super) struct Numbers {
     pub(super) variance: f64,
     /// The relative variance of the root of a sample: κ = 1 − (mean √y)²/S, from 0 to 1.
     pub(super) root_spread: f64,
+    /// ln(s/u)
+    pub(super) log_scale: f64,
     /// ln(v + .01) of the relative variance v of a sample, which counts as 0 in the dark.
     pub(super) log_spread: f64,
     /// Where S, v, and the standard error of S relative to S lie.
@@ -60,8 +62,12 @@ pub(super) struct Numbers {
 impl View {
     /// Without a group of folds; of all folds, if there is no such group.
     pub(super) fn new(lanes: &[LaneMeans], counts: &[f64; FOLDS], group: usize, unit: f64) -> Self {
+        let shares = shares_without(counts, group);
         let of_kind = |kind: usize| -> Vec<f32> {
-            lanes.iter().map(|lane| mean_without(&lane[kind], counts, group) as f32).collect()
+            let mean = |lane: &LaneMeans| {
+                lane[kind].iter().zip(shares).map(|(x, share)| share * f64::from(*x)).sum::<f64>()
+            };
+            lanes.iter().map(|lane| mean(lane) as f32).collect()
         };
         let samples = counts.iter().enumerate().filter(|(fold, _)| *fold != group);
         let samples = samples.map(|(_, count)| count).sum();
@@ -83,14 +89,16 @@ impl View {
             spread = variance * self.samples / (size * size);
             root_spread = (1.0 - root * root / size).clamp(0.0, 1.0);
         }
-        let log_spread = (spread + FLOOR).ln();
+        let scale = size + FLOOR * self.unit;
+        let (log_scale, log_spread) = ((scale / self.unit).ln(), (spread + FLOOR).ln());
         Numbers {
             mean,
-            scale: size + FLOOR * self.unit,
+            scale,
             variance,
             root_spread,
+            log_scale,
             log_spread,
-            brightness: brightness(mean, self.unit),
+            brightness: BRIGHTNESS.place(log_scale),
             spread: SPREAD.place(log_spread),
             uncertainty: UNCERTAINTY.place(((spread / self.samples).sqrt() + 0.001).ln()),
         }
