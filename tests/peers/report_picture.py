@@ -1,9 +1,9 @@
 """Draws the comparer of a page of `nst report`, as the README shows it.
 
-    "$(tools/python-env tests/peers/requirements.txt)" tests/peers/report_picture.py results.html 8 docs/report.jpg
+    "$(tools/python-env tests/peers/requirements.txt)" tests/peers/report_picture.py results.html 8 guard docs/report.jpg
 
-The number is that of the samples per pixel. The page chooses the methods: the plain estimate left of the
-splitter, `auto` right of it.
+The number is that of the samples per pixel; the method's picture is right of the splitter, and the plain
+estimate left of it.
 """
 
 import io
@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 from PIL import Image
+from selenium.webdriver.support.select import Select
 
 from browser import Browser
 from report_film import settle
@@ -18,12 +19,13 @@ from report_film import settle
 WIDTH = 560
 
 if __name__ == "__main__":
-    page, spp, output = sys.argv[1:]
+    page, spp, method, output = sys.argv[1:]
     browser = Browser()
     try:
         browser.resize(WIDTH)
         browser.open(Path(page).resolve())
         browser.find(f"#spp label:has(input[value='{spp}'])").click()
+        Select(browser.find("#other")).select_by_visible_text(method)
         settle(browser)
         picture = Image.open(io.BytesIO(browser.find("#stage").screenshot_as_png))
         picture.convert("RGB").save(output, quality=88)

@@ -33,7 +33,7 @@ use rayon::prelude::*;
 pub use judge::Judgement;
 use judge::judge;
 use regression::Regressions;
-use sample::{GROUPS, LaneMeans, Sample, counts, sides};
+use sample::{GROUPS, LaneMeans, Sample, sides};
 pub use seen::{Expert, OfTransform, Seen};
 use simplex::MOST;
 use table::Table;
@@ -73,6 +73,8 @@ struct Learnt {
     weights: Weights,
     /// The mean of |S| over all lanes.
     unit: f64,
+    /// How many samples are in each fold.
+    counts: [f64; FOLDS],
 }
 
 /// The experts that learn from the batch.
@@ -167,7 +169,8 @@ impl Guard {
         let weights = Weights::fit(&changes);
         let names = CORRECTIONS.into_iter().chain(experts.iter().map(|expert| expert.name()));
         let judgement = judge(&changes, &weights, names.map(str::to_owned).collect(), notes);
-        let learnt = Learnt { corrections, weights, unit: sample.units[GROUPS] };
+        let (unit, counts) = (sample.units[GROUPS], sample.counts);
+        let learnt = Learnt { corrections, weights, unit, counts };
         Ok(FittedGuard { experts, learnt: Ok(learnt), judgement })
     }
 }
@@ -207,8 +210,8 @@ impl FittedGuard<'_> {
         values: &mut [f32],
         status: &mut [Status],
     ) -> Result<(), Error> {
-        let Learnt { corrections, weights, unit } = learnt;
-        let mut view = View::new(&chunk.lanes, &chunk.counts, GROUPS, *unit);
+        let Learnt { corrections, weights, unit, counts } = learnt;
+        let mut view = View::new(&chunk.lanes, counts, GROUPS, *unit);
         view.mean.copy_from_slice(chunk.last);
         let changes = self.experts.iter().map(|expert| change(*expert, &view));
         let changes = changes.collect::<Result<Vec<_>, _>>()?;
@@ -239,7 +242,6 @@ impl FittedGuard<'_> {
 struct Chunk<'a> {
     strip: &'a SequenceBatch,
     first: usize,
-    counts: [f64; FOLDS],
     last: &'a [f32],
     lanes: Vec<LaneMeans>,
 }
@@ -293,14 +295,13 @@ impl Fitted for FittedGuard<'_> {
             }
         };
         let (values, status) = out.reset(strip.lanes());
-        let counts = counts(strip.sample_counts());
         let chunks = values.par_chunks_mut(CHUNK).zip(status.par_chunks_mut(CHUNK));
         chunks.enumerate().try_for_each(|(number, (values, status))| {
             let first = number * CHUNK;
             let range = first..first + values.len();
             let lane = |lane: usize| sides.map(|folds| folds.map(|fold| fold[lane]));
             let lanes = range.clone().map(lane).collect();
-            let chunk = Chunk { strip, first, counts, last: &strip.last()[range], lanes };
+            let chunk = Chunk { strip, first, last: &strip.last()[range], lanes };
             self.estimate(learnt, &chunk, values, status)
         })
     }

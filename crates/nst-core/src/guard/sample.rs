@@ -25,6 +25,8 @@ pub(super) struct Sample {
     pub(super) pixels: Vec<Pixel>,
     /// `[pixel][channel]`
     pub(super) lanes: Vec<LaneMeans>,
+    /// The variances of S, `[pixel][channel]`; empty if they are not known.
+    variances: Vec<f32>,
     pub(super) channels: usize,
     /// How many samples are in each fold of a lane.
     pub(super) counts: [f64; FOLDS],
@@ -47,6 +49,7 @@ pub(super) struct Pixel {
 struct Part {
     pixels: Vec<Pixel>,
     lanes: Vec<LaneMeans>,
+    variances: Vec<f32>,
     units: [f64; GROUPS + 1],
     finite: usize,
 }
@@ -56,13 +59,14 @@ impl Sample {
     pub(super) fn take(strips: &mut dyn Strips) -> Result<Option<Self>, Error> {
         strips.rewind(0)?;
         let mut sample = Self::default();
-        let (mut sums, mut finite) = ([0.0; GROUPS + 1], 0);
+        let (mut sums, mut finite, mut n) = ([0.0; GROUPS + 1], 0, 0);
         let limit = AtomicU64::new(u64::MAX);
         while let Some(strip) = strips.next_strip()? {
             let strip = &*strip;
             let Some(sides) = sides(strip) else { return Ok(None) };
             sample.channels = strip.grid().map_or(1, |grid| grid.channels());
-            sample.counts = counts(strip.sample_counts());
+            n = *strip.sample_counts().last().expect("a batch has a term");
+            sample.counts = std::array::from_fn(|fold| fold_count(fold, n));
             let first = sample.all_lanes;
             let blocks = strip
                 .grid()
@@ -75,12 +79,14 @@ impl Sample {
             for part in parts {
                 sample.pixels.extend(part.pixels);
                 sample.lanes.extend(part.lanes);
+                sample.variances.extend(part.variances);
                 finite += part.finite;
                 sums.iter_mut().zip(part.units).for_each(|(sum, part)| *sum += part);
             }
             sample.thin_out(&limit);
         }
         sample.units = sums.map(|sum| sum / finite.max(1) as f64);
+        sample.count_pictures(n);
         Ok(Some(sample))
     }
 
@@ -105,8 +111,9 @@ impl Sample {
             }
         };
         for pixel in pixels {
-            let lanes = (0..self.channels).map(|channel| channel * plane + pixel);
-            let lanes = lanes.map(|lane| sides.map(|folds| folds.map(|fold| fold[lane])));
+            let of_pixel = (0..self.channels).map(|channel| channel * plane + pixel);
+            let lanes =
+                of_pixel.clone().map(|lane| sides.map(|folds| folds.map(|fold| fold[lane])));
             let number = (first / self.channels + pixel) as u64;
             let half = strip.grid().map_or(pixel % 2, |grid| {
                 let (x, y) = (pixel % grid.width(), pixel / grid.width());
@@ -127,6 +134,10 @@ impl Sample {
             if hash <= limit {
                 part.pixels.push(Pixel { half, hash, number });
                 part.lanes.extend(lanes);
+                let variance = strip.side(&Side::Variance);
+                part.variances.extend(
+                    variance.into_iter().flat_map(|it| of_pixel.clone().map(|lane| it[lane])),
+                );
             }
         }
         part
@@ -143,6 +154,30 @@ impl Sample {
             self.pixels.retain(|_| *kept.next().expect("as many"));
             let mut kept = keep.iter().flat_map(|keep| std::iter::repeat_n(keep, self.channels));
             self.lanes.retain(|_| *kept.next().expect("as many"));
+            let mut kept = keep.iter().flat_map(|keep| std::iter::repeat_n(keep, self.channels));
+            self.variances.retain(|_| *kept.next().expect("as many"));
+        }
+    }
+
+    /// Where pictures of several samples each were packed, folds have as many samples as
+    /// pictures: how many these are follows from the variance of S, Σ(y² − y̅²)/(N − 1).
+    fn count_pictures(&mut self, n: u32) {
+        let shares = shares_without(&self.counts, GROUPS);
+        let mean = |means: [f32; FOLDS]| -> f64 {
+            means.iter().zip(shares).map(|(x, share)| share * f64::from(*x)).sum()
+        };
+        let [mut spread, mut variance] = [0.0; 2];
+        for ([folds, _, squares], &of_mean) in self.lanes.iter().zip(&self.variances) {
+            if of_mean.is_finite() {
+                spread += (mean(*squares) - mean(*folds).powi(2)).max(0.0);
+                variance += f64::from(of_mean);
+            }
+        }
+        let pictures = 1.0 + spread / variance;
+        // Means of folds are rounded: near n it is n.
+        if pictures.is_finite() && pictures < 0.9 * f64::from(n) {
+            let count = pictures.round().max(FOLDS as f64) as u32;
+            self.counts = std::array::from_fn(|fold| fold_count(fold, count));
         }
     }
 }
@@ -156,16 +191,6 @@ pub(super) fn sides(strip: &SequenceBatch) -> Option<[[&[f32]; FOLDS]; 3]> {
         }
     }
     Some(found)
-}
-
-/// How many independent samples are in each fold. The terms of packed pictures are the means of
-/// the first 1, 2, 3, … of them: there, each picture is one sample.
-pub(super) fn counts(sample_counts: &[u32]) -> [f64; FOLDS] {
-    let unit = sample_counts[0];
-    let pictures = sample_counts.iter().zip(1..).all(|(&n, k)| Some(n) == unit.checked_mul(k));
-    let last = sample_counts.len() - 1;
-    let n = if pictures { sample_counts.len() as u32 } else { sample_counts[last] };
-    std::array::from_fn(|fold| fold_count(fold, n))
 }
 
 /// The shares of the folds in the mean without a group; of all, if there is no such group.

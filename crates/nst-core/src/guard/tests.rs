@@ -291,3 +291,21 @@ fn an_expert_that_fails_is_left_out() {
     assert_eq!((ratio, judgement.experts.len()), (alone, CORRECTIONS.len()));
     assert!(judgement.notes[0].contains("'fails' is left out: "), "{judgement:?}");
 }
+
+/// Pictures of 16 samples each that were packed count as one sample each: the estimates are
+/// those of the same means with a count of 1.
+#[test]
+fn packed_pictures_are_samples() -> Result<(), Error> {
+    let Lanes { batch, .. } = Lanes::new(visibility, 3000, 24, 8);
+    let counts = batch.sample_counts().iter().map(|n| 16 * n).collect();
+    let mut packed = SequenceBatch::new(batch.terms().to_owned(), counts)?;
+    for (side, values) in batch.sides() {
+        packed.set_side(side.clone(), values.to_vec())?;
+    }
+    let [mut single, mut of_pictures] = [Estimates::default(), Estimates::default()];
+    Guard::default().transform(&batch, &mut single)?;
+    Guard::default().transform(&packed, &mut of_pictures)?;
+    assert_eq!(single, of_pictures);
+    assert_ne!(single.values(), batch.last());
+    Ok(())
+}
