@@ -68,6 +68,20 @@ impl<'a> Changes<'a> {
         Self { sample, views, missing, changes, strata }
     }
 
+    /// By how much each expert's changes are smaller with all folds than without one: the root
+    /// of the ratio of the sums of their squares.
+    fn shrinkage(&self) -> Vec<f64> {
+        let squares = |lanes: &Vec<f32>| lanes.iter().map(|&d| f64::from(d).powi(2)).sum::<f64>();
+        let ratio = |of_expert: &Vec<Vec<f32>>| {
+            let (with_all, without) = of_expert.split_last().expect("all folds are last");
+            let without: f64 = without.iter().map(squares).sum();
+            let ratio = (squares(with_all) * self.missing.len() as f64 / without).sqrt();
+            // One that changes nothing has none.
+            if ratio.is_finite() { ratio } else { 1.0 }
+        };
+        self.changes.iter().map(ratio).collect()
+    }
+
     /// What each expert changes.
     pub(super) fn of_lane(&self, group: usize, lane: usize) -> [f64; MOST] {
         std::array::from_fn(|k| {
@@ -86,8 +100,8 @@ impl Weights {
             let strata = total.iter_mut().flatten().zip(part.iter().flatten());
             strata.for_each(|(sum, part)| sum.add(part, 1.0, 1.0));
         }
-        let count = changes.changes.len();
-        Self { strata: total.map(|half| weights(&smoothed(&half), count)) }
+        let shrinkage = changes.shrinkage();
+        Self { strata: total.map(|half| weights(&smoothed(&half), &shrinkage)) }
     }
 
     /// The weights of a lane whose pixel is in this half, learnt from the other.
@@ -124,19 +138,6 @@ fn sums(changes: &Changes<'_>, first: usize) -> [[Stratum; STRATA]; 2] {
     let end = sample.pixels.len().min(first + PIXELS_PER_TASK);
     for pixel in first..end {
         let sums = &mut sums[sample.pixels[pixel].half];
-        let all_folds = missing.len();
-        for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
-            // The weights are for all folds.
-            let d = changes.of_lane(all_folds, lane);
-            for (stratum, share) in cells(changes.strata[all_folds][lane]) {
-                let share = share * all_folds as f64;
-                for i in 0..count {
-                    for j in 0..count {
-                        sums[stratum].moments.a[i][j] += share * d[i] * d[j];
-                    }
-                }
-            }
-        }
         // Channels share samples, and what is held out of a pixel in turn adds to 0: noise is
         // that of a pixel's sum.
         let mut of_pixel = [[0.0; MOST]; STRATA];
@@ -148,6 +149,9 @@ fn sums(changes: &Changes<'_>, first: usize) -> [[Stratum; STRATA]; 2] {
                     sums[stratum].variance += share * variance;
                     for i in 0..count {
                         of_pixel[stratum][i] += share * d[i] * f64::from(missing[lane]);
+                        for j in 0..count {
+                            sums[stratum].moments.a[i][j] += share * d[i] * d[j];
+                        }
                     }
                 }
             }
@@ -205,10 +209,17 @@ fn shared(
 }
 
 /// The best weights of each stratum, drawn towards 0 by as much of the gain as may be noise.
-fn weights(strata: &[Stratum; STRATA], count: usize) -> [[f64; MOST]; STRATA] {
+fn weights(strata: &[Stratum; STRATA], shrinkage: &[f64]) -> [[f64; MOST]; STRATA] {
+    let count = shrinkage.len();
     strata.map(|Stratum { mut moments, mut noise, variance }| {
-        // What all samples lack is less than what those without a group lack.
+        // What all samples lack is less than what those without a group lack, and so is what
+        // the experts change.
         moments.b.iter_mut().for_each(|b| *b *= SHARE);
+        for i in 0..count {
+            for j in 0..count {
+                moments.a[i][j] *= shrinkage[i] * shrinkage[j];
+            }
+        }
         noise.iter_mut().flatten().for_each(|noise| *noise *= SHARE * SHARE);
         let variance = SHARE * variance;
         let w = best_weights(&moments, &noise, count);
