@@ -1,7 +1,8 @@
 """Draws the comparer of a page of `nst report`, as the README shows it.
 
-    "$(tools/python-env tests/peers/requirements.txt)" tests/peers/report_picture.py results.html 8 guard docs/report.jpg
+    python tests/peers/report_picture.py results.html 8 guard docs/report.jpg
 
+with the Python of tools/python-env tests/peers/requirements.txt.
 The number is that of the samples per pixel; the method's picture is right of the splitter, and the plain
 estimate left of it.
 """
