@@ -4,8 +4,8 @@ use std::path::Path;
 
 use ndarray::Array2;
 use nst_core::{
-    Error as CoreError, Estimates, FOLDS, Fitted, Grid, MlpCpu, Network, Requirements,
-    SequenceBatch, Side, Status, Strips, Support, Transform, methods, random::SplitMix64,
+    Error as CoreError, Estimates, Fitted, Grid, MlpCpu, Network, Requirements, SequenceBatch,
+    Status, Strips, Support, Transform, methods, random::SplitMix64,
 };
 use nst_files::{
     ColorModel,
@@ -30,31 +30,18 @@ fn sequence() -> SequenceFile {
     let [width, height] = SIZE;
     let grid = Grid::new(width, height, 3, 0).expect("a grid");
     let mut random = SplitMix64(7);
-    let lanes: Vec<[f64; TERMS]> = (0..grid.lanes())
-        .map(|_| {
-            let limit = (8.0 * random.uniform() - 4.0).exp2();
-            let mut sum = 0.0;
-            std::array::from_fn(|k| {
-                sum += limit * (0.5 + random.uniform());
-                sum / (k + 1) as f64
-            })
-        })
-        .collect();
-    let terms = Array2::from_shape_fn((TERMS, lanes.len()), |(k, lane)| lanes[lane][k] as f32);
-    let counts: Vec<u32> = (1..=TERMS as u32).collect();
-    let mut batch = SequenceBatch::new(terms, counts.clone()).expect("a batch");
+    let limits: Vec<f64> =
+        (0..grid.lanes()).map(|_| (8.0 * random.uniform() - 4.0).exp2()).collect();
+    // Half of the samples are black.
+    let mut sample = |limit: &f64| {
+        let light = if random.uniform() < 0.5 { 2.0 } else { 0.0 };
+        (limit * light * (0.5 + random.uniform())) as f32
+    };
+    let samples: Vec<f32> =
+        (0..TERMS).flat_map(|_| limits.iter().map(&mut sample).collect::<Vec<_>>()).collect();
+    let mut batch = SequenceBatch::from_samples(grid.lanes(), &samples).expect("a batch");
     batch.set_grid(grid).expect("its lanes");
-    for fold in 0..FOLDS {
-        // One in ten has seen a firefly.
-        let mut mean = |lane: &[f64; TERMS]| {
-            let firefly = if random.uniform() < 0.1 { 50.0 } else { 1.0 };
-            lane[TERMS - 1] * (0.5 + random.uniform()) * firefly
-        };
-        let means = lanes.iter().map(|lane| mean(lane) as f32).collect();
-        batch.set_side(Side::Fold(fold as u8), means).expect("a fold");
-    }
-    let variances = lanes.iter().map(|lane| (lane[0] * random.uniform()) as f32).collect();
-    batch.set_side(Side::Variance, variances).expect("the variance");
+    let counts = batch.sample_counts().to_vec();
     let info = SequenceInfo {
         size: SIZE,
         model,
