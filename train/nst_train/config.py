@@ -11,7 +11,6 @@ import re
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
@@ -229,10 +228,5 @@ def _check_samples(config: Config, require: Callable[[bool, str, str], None]) ->
     require(config.loss in ("L0", "L1"), "loss", "L0 or L1: of one run, only means of squares say anything")
     require(config.terms_per_step >= 1, "terms_per_step", "1 or more")
     require(config.data.batches >= 1, "data.batches", "1 or more")
-    ascending = all(a < b for a, b in pairwise(form.powers))
-    sound = ascending and 1 in form.powers and 0 <= form.powers[0] and form.powers[-1] < math.inf
-    require(sound, "samples.powers", "numbers of 0 or more, ascending, 1 among them")
-    require(0 < form.floor < math.inf, "samples.floor", "a positive number")
-    for key in ("scale_estimate", "scale_unit"):
-        require(0 <= getattr(form, key) < math.inf, f"samples.{key}", "0 or more")
-    require(form.scale_estimate + form.scale_unit > 0, "samples.scale_unit", "positive if scale_estimate is 0")
+    if mistake := form.mistake():
+        require(False, f"samples.{mistake[0]}", mistake[1])

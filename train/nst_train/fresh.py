@@ -58,7 +58,9 @@ def make_data(names: list[str], runs: int, terms: int, seed: int) -> Data:
     """A first draw, in the order of `names`, and the held-out runs of `families.make_data`."""
     rng = torch.Generator().manual_seed(seed)
     first = join([draw(family, FIRST, terms, rng) for family in names])
-    training = Sequences(progressive_means(first.samples.numpy())[:, None], first.reference, first.samples[:, None])
+    training = Sequences(
+        progressive_means(first.samples.numpy())[:, None], first.reference, first.samples[:, None]
+    )
 
     def test(family: str) -> Sequences:
         samples = families.held_out_samples(family, runs, terms, seed)

@@ -23,7 +23,9 @@ of them, T is that of the remaining sums, with their n and their u. Logarithms a
 in f64 and then rounded to f32, as neighbouring L_p may be nearly equal.
 """
 
+import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import torch
 from torch import Tensor
@@ -37,6 +39,21 @@ class PowerMeans:
     floor: float  # in units of u
     scale_estimate: float
     scale_unit: float
+
+    def mistake(self) -> tuple[str, str] | None:
+        """The first field that does not fit, and what it must be."""
+        ascending = all(a < b for a, b in pairwise(self.powers))
+        finite = all(0 <= p < math.inf for p in self.powers)
+        if not (ascending and finite and 1 in self.powers):
+            return "powers", "numbers of 0 or more, ascending, 1 among them"
+        if not 0 < self.floor < math.inf:
+            return "floor", "a positive number"
+        for key in ("scale_estimate", "scale_unit"):
+            if not 0 <= getattr(self, key) < math.inf:
+                return key, "0 or more"
+        if self.scale_estimate + self.scale_unit == 0:
+            return "scale_unit", "positive if scale_estimate is 0"
+        return None
 
     @property
     def positive(self) -> list[float]:
@@ -68,11 +85,12 @@ class PowerMeans:
 
     def inputs(self, sums: Tensor, n: Tensor, unit: Tensor) -> Tensor:
         """`[…, width]` of sums `[power, …]`; n and u may have any shape that broadcasts with `[…]`."""
+        n = n.to(sums.dtype)
         means = sums / n
         index = self.powers.index
         log = {p: (means[index(p)].abs().pow(1 / p) / unit + self.floor).log() for p in self.positive}
         values = list(log.values())
-        columns = [log[1], *(b - a for a, b in zip(values, values[1:], strict=False))]
+        columns = [log[1], *(b - a for a, b in pairwise(values))]
         if 0 in self.powers:
             columns.append(means[index(0)])
         one = torch.ones_like(log[1])

@@ -15,7 +15,6 @@ from nst_train.power_means import PowerMeans
 from nst_train.sequences import Data, whitening_of
 from nst_train.training import Descent
 
-
 WHITENED_N = 6
 """How many n the scale of inputs is found from; a small part of the time of training."""
 
@@ -78,7 +77,9 @@ def make_model(config: Config, lanes: Lanes) -> SampleMlp:
     assert config.samples is not None
     torch.manual_seed(config.seed)
     model = SampleMlp(config.samples, config.hidden)
-    n = draw_counts(config.window, lanes.samples.shape[1], WHITENED_N, torch.Generator().manual_seed(config.seed))
+    n = draw_counts(
+        config.window, lanes.samples.shape[1], WHITENED_N, torch.Generator().manual_seed(config.seed)
+    )
     sums, unit = sums_and_unit(config.samples, lanes.samples.double(), n)
     inputs = config.samples.inputs(sums, n.double(), unit).reshape(-1, config.samples.width)
     model.whiten(*whitening_of(inputs.mean(dim=0), inputs.T @ inputs / len(inputs)))

@@ -116,4 +116,7 @@ def empty(metadata: dict[str, str], hidden: list[int]) -> Mlp:
         return Mlp(int(metadata["window"]), hidden)
     powers = [float(p) for p in metadata["powers"].split(",")]
     rest = {key: float(metadata[key]) for key in ("floor", "scale_estimate", "scale_unit")}
-    return SampleMlp(PowerMeans(powers, **rest), hidden)
+    form = PowerMeans(powers, **rest)
+    if mistake := form.mistake():
+        raise ValueError(f"{mistake[0]} must be {mistake[1]}")
+    return SampleMlp(form, hidden)
