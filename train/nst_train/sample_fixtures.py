@@ -1,4 +1,4 @@
-"""Networks with random weights that see the samples, and PyTorch's outputs: reference data for the Rust tests.
+"""Random networks that see the samples, and PyTorch's outputs for them: reference data for the Rust tests.
 
 `python -m nst_train.sample_fixtures FOLDER` rewrites them; with `--check` it compares the stored outputs
 with PyTorch's instead. `power_means.py` defines the inputs. For each network:

@@ -89,7 +89,7 @@ def make_model(config: Config, lanes: Lanes) -> SampleMlp:
 
 
 def draw_counts(least: int, most: int, count: int, rng: torch.Generator) -> Tensor:
-    """`count` sample counts, evenly spread in log n: one of each equal part of [log least, log (most + 1))."""
+    """`count` sample counts, even in log n: one of each equal part of [log least, log (most + 1))."""
     position = (torch.arange(count) + torch.rand(count, generator=rng)) / count
     drawn = (least * ((most + 1) / least) ** position.double()).long()
     return drawn.clamp(least, most)
