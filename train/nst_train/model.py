@@ -90,9 +90,15 @@ class Mlp(nn.Module):
 class SampleMlp(Mlp):
     """A network that sees the samples: its inputs are those of `power_means`, and its output o changes S."""
 
-    def __init__(self, form: PowerMeans, hidden: list[int]) -> None:
+    def __init__(self, form: PowerMeans, hidden: list[int], trained: tuple[int, int]) -> None:
+        """`trained` are the least and the largest n of training."""
         super().__init__(form.width, hidden)
         self.form = form
+        self.trained = trained
+
+    def inputs(self, sums: Tensor, n: Tensor, unit: Tensor) -> Tensor:
+        """`[…, input]` of the first layer, in the type of the sums `[power, …]`."""
+        return self.form.inputs(sums, n, unit, self.trained)
 
     def start_from_input(self) -> None:
         """Sets T = S: o = 0."""
@@ -106,6 +112,6 @@ class SampleMlp(Mlp):
         Inputs, S and T have the type of the sums; the layers compute in the type of their weights.
         """
         estimate = self.form.estimate(sums, n)
-        inputs = self.form.inputs(sums, n, unit)
+        inputs = self.inputs(sums, n, unit)
         output = self(inputs.to(self.layers[0].weight.dtype)).to(sums.dtype)
         return estimate + self.form.scale(estimate, unit) * output

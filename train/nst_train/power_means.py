@@ -12,9 +12,9 @@ number, `floor`, that stands for nothing,
 
 For the powers p_1 < p_2 < … < p_K above 0 the network reads, in this order,
 
-    L_1,   L_{p_2} − L_{p_1},  …,  L_{p_K} − L_{p_{K−1}},   m_0 (if 0 is among the powers),   log n,   1/n
+    L_1,   L_{p_2} − L_{p_1},  …,  L_{p_K} − L_{p_{K−1}},   m_0 (if 0 is among the powers),   log k,   1/k
 
-and its output o, linear in its last hidden layer h, changes the plain estimate:
+with k = n, but not outside of the n it was trained on: networks do not extrapolate well. Its output o, linear in its last hidden layer h, changes the plain estimate:
 
     T = S + s·o,   o = w·h + b,   s = scale_estimate·|S| + scale_unit·u
 
@@ -83,9 +83,13 @@ class PowerMeans:
         """S of sums `[power, …]`."""
         return sums[self.powers.index(1)] / n
 
-    def inputs(self, sums: Tensor, n: Tensor, unit: Tensor) -> Tensor:
-        """`[…, width]` of sums `[power, …]`; n and u may have any shape that broadcasts with `[…]`."""
+    def inputs(self, sums: Tensor, n: Tensor, unit: Tensor, trained: tuple[int, int]) -> Tensor:
+        """`[…, width]` of sums `[power, …]`; n and u may have any shape that broadcasts with `[…]`.
+
+        `trained` are the least and the largest n of training.
+        """
         n = n.to(sums.dtype)
+        k = n.clamp(*trained)
         means = sums / n
         index = self.powers.index
         log = {p: (means[index(p)].abs().pow(1 / p) / unit + self.floor).log() for p in self.positive}
@@ -94,7 +98,7 @@ class PowerMeans:
         if 0 in self.powers:
             columns.append(means[index(0)])
         one = torch.ones_like(log[1])
-        return torch.stack([*columns, one * n.log(), one / n], dim=-1)
+        return torch.stack([*columns, one * k.log(), one / k], dim=-1)
 
     def scale(self, estimate: Tensor, unit: Tensor) -> Tensor:
         """s, what an output of 1 adds to S."""

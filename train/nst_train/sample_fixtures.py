@@ -27,26 +27,28 @@ from nst_train.power_means import PowerMeans
 LANES = 101  # a prime: a multiple of no vector width and no workgroup size
 LEFT_OUT = 1  # the fold that the second output does not see
 
-NETWORKS: dict[str, tuple[PowerMeans, list[int], int]] = {
+NETWORKS: dict[str, tuple[PowerMeans, list[int], tuple[int, int], int]] = {
     "samples-integrals": (
         PowerMeans([0.0, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0], 1e-3, 0.0, 1.0),
         [32, 32, 32],
+        (4, 64),
         32,
     ),
-    "samples-pixels": (PowerMeans([0.5, 1.0, 2.0], 1e-2, 1.0, 1e-2), [17, 5], 13),
-    "samples-mean": (PowerMeans([1.0, 1.5], 1e-3, 0.0, 1.0), [64], 8),
+    "samples-pixels": (PowerMeans([0.5, 1.0, 2.0], 1e-2, 1.0, 1e-2), [17, 5], (4, 1024), 13),
+    "samples-few": (PowerMeans([1.0, 1.5], 1e-3, 0.0, 1.0), [64], (16, 64), 8),
+    "samples-many": (PowerMeans([0.5, 1.0], 1e-3, 0.0, 1.0), [24, 8], (4, 16), 40),
 }
-"""By name: the form of the inputs, hidden widths, and n."""
+"""By name: the form of the inputs, hidden widths, the n that it is said to be trained on, and n."""
 
 TOLERANCE = 1e-5
 """Relative to |S| + u: outputs are of that order, and f32 sums of at most 64 products, taken in any
 order, agree to about 64 ε = 4e-6 of it."""
 
 
-def random_network(form: PowerMeans, hidden: list[int], seed: int) -> SampleMlp:
+def random_network(form: PowerMeans, hidden: list[int], trained: tuple[int, int], seed: int) -> SampleMlp:
     """He initialisation: hidden units are of the order of the inputs. Biases are small but not zero."""
     rng = torch.Generator().manual_seed(seed)
-    model = SampleMlp(form, hidden)
+    model = SampleMlp(form, hidden, trained)
     for layer in model.layers:
         nn.init.kaiming_normal_(layer.weight, a=NEGATIVE_SLOPE, nonlinearity="leaky_relu", generator=rng)
         nn.init.normal_(layer.bias, std=0.1, generator=rng)
@@ -76,39 +78,38 @@ def outputs(model: SampleMlp, samples: Tensor) -> dict[str, Tensor]:
     part = lanes[torch.arange(len(lanes)) % 4 != LEFT_OUT]
     exact = copy.deepcopy(model).double()
     with torch.no_grad():
-        sums, n, unit, inputs = batch(model.form, lanes)
-        found = {"sums": sums, "unit": unit[None], "inputs": inputs.T}
+        sums, n, unit = batch(model.form, lanes)
+        found = {"sums": sums, "unit": unit[None], "inputs": model.inputs(sums, n, unit).T}
         found["output"] = model.transform(sums, n, unit).float()
         found["output_f64"] = in_f64(exact, sums, n, unit)
-        sums, n, unit, _ = batch(model.form, part)
+        sums, n, unit = batch(model.form, part)
         found |= {"part_sums": sums, "part_unit": unit[None]}
         found["part_output_f64"] = in_f64(exact, sums, n, unit)
     return found
 
 
-def batch(form: PowerMeans, samples: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Sums, n, unit and inputs of all samples `[sample, lane]`, in f64."""
+def batch(form: PowerMeans, samples: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Sums, n and unit of all samples `[sample, lane]`, in f64."""
     sums = form.features(samples).sum(dim=1)
     n = torch.tensor(len(samples), dtype=torch.float64)
-    unit = form.estimate(sums, n).abs().mean()
-    return sums, n, unit, form.inputs(sums, n, unit)
+    return sums, n, form.estimate(sums, n).abs().mean()
 
 
 def in_f64(exact: SampleMlp, sums: Tensor, n: Tensor, unit: Tensor) -> Tensor:
     """T with layers in f64 of inputs in f32, which are what the layers get."""
     estimate = exact.form.estimate(sums, n)
-    output = exact(exact.form.inputs(sums, n, unit).float().double())
+    output = exact(exact.inputs(sums, n, unit).float().double())
     return estimate + exact.form.scale(estimate, unit) * output
 
 
 def write(folder: Path) -> None:
     """Rewrites all fixtures in `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
-    for seed, (name, (form, hidden, n)) in enumerate(NETWORKS.items(), start=1):
-        model = random_network(form, hidden, seed)
+    for seed, (name, (form, hidden, trained, n)) in enumerate(NETWORKS.items(), start=1):
+        model = random_network(form, hidden, trained, seed)
         provenance = weights.Provenance(
             trained_on="fixture:random",
-            samples=f"{n}..{n}",
+            samples="{}..{}".format(*trained),
             loss="none",
             epochs=0,
             seed=seed,

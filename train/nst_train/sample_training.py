@@ -76,12 +76,12 @@ def make_model(config: Config, lanes: Lanes) -> SampleMlp:
     """A seeded network whose inputs have been whitened over these lanes, at some n between the ends."""
     assert config.samples is not None
     torch.manual_seed(config.seed)
-    model = SampleMlp(config.samples, config.hidden)
-    n = draw_counts(
-        config.window, lanes.samples.shape[1], WHITENED_N, torch.Generator().manual_seed(config.seed)
-    )
+    terms = lanes.samples.shape[1]
+    model = SampleMlp(config.samples, config.hidden, (config.window, terms))
+    rng = torch.Generator().manual_seed(config.seed)
+    n = draw_counts(config.window, terms, WHITENED_N, rng)
     sums, unit = sums_and_unit(config.samples, lanes.samples.double(), n)
-    inputs = config.samples.inputs(sums, n.double(), unit).reshape(-1, config.samples.width)
+    inputs = model.inputs(sums, n.double(), unit).reshape(-1, config.samples.width)
     model.whiten(*whitening_of(inputs.mean(dim=0), inputs.T @ inputs / len(inputs)))
     if config.start == "input":
         model.start_from_input()

@@ -41,6 +41,8 @@ def rounded(model: Mlp, dtype: torch.dtype) -> Mlp:
 
 def save(path: Path, model: Mlp, provenance: Provenance, dtype: torch.dtype = torch.float32) -> None:
     """Writes f32 or f16 weights; the same network and provenance give the same bytes."""
+    if isinstance(model, SampleMlp):
+        assert provenance.samples == "{}..{}".format(*model.trained)
     architecture = {
         "format": FORMAT,
         "kind": "mlp",
@@ -119,4 +121,7 @@ def empty(metadata: dict[str, str], hidden: list[int]) -> Mlp:
     form = PowerMeans(powers, **rest)
     if mistake := form.mistake():
         raise ValueError(f"{mistake[0]} must be {mistake[1]}")
-    return SampleMlp(form, hidden)
+    least, most = map(int, metadata["samples"].split(".."))
+    if not 1 <= least <= most:
+        raise ValueError(f"samples = {metadata['samples']!r}: must be the least and the largest n")
+    return SampleMlp(form, hidden, (least, most))

@@ -73,10 +73,14 @@ def test_inputs_are_those_of_the_definition() -> None:
     logs = [math.log(m / 2.0 + 0.1) for m in (1.0, 1.0, math.sqrt(17 / 3))]
     expected = [logs[1], logs[1] - logs[0], logs[2] - logs[1], 2 / 3, math.log(3), 1 / 3]
     n, unit = torch.tensor(3.0), torch.tensor(2.0)
-    assert form.inputs(sums, n, unit).tolist() == pytest.approx(expected, rel=1e-12)
+    assert form.inputs(sums, n, unit, (1, 64)).tolist() == pytest.approx(expected, rel=1e-12)
     assert len(expected) == form.width
+    # Of other n than it was trained on, a network sees the nearest; the means are those of all n.
+    for trained, k in (((4, 64), 4), ((1, 2), 2)):
+        other = [*expected[:4], math.log(k), 1 / k]
+        assert form.inputs(sums, n, unit, trained).tolist() == pytest.approx(other, rel=1e-12)
 
-    model = SampleMlp(form, [4])
+    model = SampleMlp(form, [4], (1, 64))
     model.start_from_input()
     assert model.transform(sums, n, unit) == -1.0
     with torch.no_grad():
@@ -95,7 +99,7 @@ def test_powers_are_powers() -> None:
 
 def test_the_transformation_has_no_unit_and_no_order() -> None:
     """Rounding in f64 alone: 1e-12 is some thousand times as much."""
-    model = sample_fixtures.random_network(FORM, [9, 5], seed=3)
+    model = sample_fixtures.random_network(FORM, [9, 5], (4, 64), seed=3)
     samples = random_lanes(20, 12)
     t = transform(model, samples)
     for factor in (0.25, 4.0, 1e6):
@@ -184,11 +188,12 @@ def test_training_beats_the_input_on_unseen_integrands() -> None:
 
 
 def test_round_trip(tmp_path: Path) -> None:
-    model = sample_fixtures.random_network(FORM, [5, 3], seed=1)
+    model = sample_fixtures.random_network(FORM, [5, 3], (8, 64), seed=1)
     path = tmp_path / "x.safetensors"
     weights.save(path, model, PROVENANCE)
     loaded, metadata = weights.load(path)
-    assert isinstance(loaded, SampleMlp) and loaded.form == FORM
+    assert isinstance(loaded, SampleMlp)
+    assert (loaded.form, loaded.trained) == (FORM, (8, 64))
     of_inputs = {
         "inputs": "samples",
         "powers": "0,0.125,0.25,0.5,1,2,3",
@@ -201,8 +206,9 @@ def test_round_trip(tmp_path: Path) -> None:
     assert torch.equal(transform(loaded, samples), transform(model, samples))
 
     tensors, _ = weights.load_tensors(path)
-    for damage in ({"powers": "0.5,1"}, {"powers": "x"}, {"powers": "0,2,0.5,1,3,4,5"}, {"floor": "nan"}):
-        weights.save_tensors(path, tensors, metadata | damage)
+    damages = [("powers", "0.5,1"), ("powers", "x"), ("powers", "0,2,0.5,1,3,4,5"), ("floor", "nan")]
+    for key, value in [*damages, ("scale_unit", "-1"), ("samples", "64..8"), ("samples", "8")]:
+        weights.save_tensors(path, tensors, metadata | {key: value})
         with pytest.raises(UserError, match="do not fit"):
             weights.load(path)
 
@@ -272,8 +278,8 @@ def test_fixtures_agree_with_pytorch_and_a_change_is_noticed(tmp_path: Path) -> 
 
 def test_fixtures_leave_a_fold_out() -> None:
     """What the left-out fold contains changes nothing."""
-    form, hidden, n = sample_fixtures.NETWORKS["samples-pixels"]
-    model = sample_fixtures.random_network(form, hidden, seed=1)
+    form, hidden, trained, n = sample_fixtures.NETWORKS["samples-pixels"]
+    model = sample_fixtures.random_network(form, hidden, trained, seed=1)
     samples = sample_fixtures.random_samples(n, seed=1)
     found = sample_fixtures.outputs(model, samples)
     samples[sample_fixtures.LEFT_OUT :: 4] *= 3.0
