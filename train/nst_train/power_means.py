@@ -14,7 +14,8 @@ For the powers p_1 < p_2 < … < p_K above 0 the network reads, in this order,
 
     L_1,   L_{p_2} − L_{p_1},  …,  L_{p_K} − L_{p_{K−1}},   m_0 (if 0 is among the powers),   log k,   1/k
 
-with k = n, but not outside of the n it was trained on: networks do not extrapolate well. Its output o, linear in its last hidden layer h, changes the plain estimate:
+with k = n, or the nearest n that it was trained on, as networks do not extrapolate well. Its output o,
+linear in its last hidden layer h, changes the plain estimate:
 
     T = S + s·o,   o = w·h + b,   s = scale_estimate·|S| + scale_unit·u
 
