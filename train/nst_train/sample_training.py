@@ -82,7 +82,7 @@ def make_model(config: Config, lanes: Lanes) -> SampleMlp:
     n = draw_counts(config.window, terms, WHITENED_N, rng)
     sums, unit = sums_and_unit(config.samples, lanes.samples.double(), n)
     inputs = model.inputs(sums, n.double(), unit).reshape(-1, config.samples.width)
-    model.whiten(*whitening_of(inputs.mean(dim=0), inputs.T @ inputs / len(inputs)))
+    model.whiten(*whitening_of(inputs.mean(dim=0), inputs.T @ inputs / len(inputs), drop=True))
     if config.start == "input":
         model.start_from_input()
     return model

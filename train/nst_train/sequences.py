@@ -71,12 +71,19 @@ def whitening(estimates: Tensor, window: int) -> tuple[Tensor, Tensor]:
     return whitening_of(total / count, squares / count)
 
 
-def whitening_of(mean: Tensor, squares: Tensor) -> tuple[Tensor, Tensor]:
-    """As `whitening`, of inputs whose mean is `[input]`, and that of their products `[input, input]`."""
+def whitening_of(mean: Tensor, squares: Tensor, drop: bool = False) -> tuple[Tensor, Tensor]:
+    """As `whitening`, of inputs whose mean is `[input]`, and that of their products `[input, input]`.
+
+    With `drop`, axes below `LEAST_DEVIATION` become 0: what does not vary in training says nothing of it,
+    but would be magnified elsewhere.
+    """
     variances, axes = torch.linalg.eigh(squares - mean.outer(mean))
     deviations = variances.clamp_min(0.0).sqrt()
-    scale = deviations.clamp_min(LEAST_DEVIATION * deviations[-1])
-    return mean, (axes / scale).T
+    least = LEAST_DEVIATION * deviations[-1]
+    basis = (axes / deviations.clamp_min(least)).T
+    if drop:
+        basis[deviations < least] = 0.0
+    return mean, basis
 
 
 def concatenate(parts: list[Sequences]) -> Sequences:
