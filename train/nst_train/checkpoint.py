@@ -8,12 +8,12 @@ import torch
 
 from nst_train import evaluation
 from nst_train.errors import UserError
-from nst_train.training import Training
+from nst_train.training import Descent
 
 FORMAT = "nst-checkpoint-1"
 
 
-def save(out: Path, training: Training, trained_on: str, seconds_at: list[float]) -> None:
+def save(out: Path, training: Descent, trained_on: str, seconds_at: list[float]) -> None:
     """The checkpoint and the history so far."""
     state = training.state() | {
         "format": FORMAT,
@@ -27,7 +27,7 @@ def save(out: Path, training: Training, trained_on: str, seconds_at: list[float]
     write_history(out, training.losses, seconds_at)
 
 
-def resume(out: Path, training: Training, trained_on: str) -> list[float]:
+def resume(out: Path, training: Descent, trained_on: str) -> list[float]:
     """Continues from the folder's checkpoint, if there is one; returns its `seconds_at`."""
     path = out / "checkpoint.pt"
     if not path.is_file():

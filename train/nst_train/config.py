@@ -9,6 +9,7 @@ import difflib
 import math
 import re
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, get_args, get_origin
@@ -16,6 +17,7 @@ from typing import Any, get_args, get_origin
 from nst_train.errors import UserError
 from nst_train.families import FAMILIES
 from nst_train.losses import LOSSES
+from nst_train.power_means import PowerMeans
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,13 @@ class FamiliesData:
     families: list[str]
     runs: int
     terms: int
+
+
+@dataclass(frozen=True)
+class FreshFamiliesData(FamiliesData):
+    """The same families with new parameters for every lane of a batch; `runs` are of held-out integrands."""
+
+    batches: int  # per epoch
 
 
 @dataclass(frozen=True)
@@ -51,9 +60,10 @@ class Config:
 
     name: str
     seed: int
-    window: int  # M, terms that the network sees
+    window: int  # M, terms that the network sees; the least n, where it sees the samples
     hidden: list[int]
-    inputs: str  # one of INPUTS: windows as they are, or uncorrelated and of variance 1 while training
+    inputs: str  # one of INPUTS: windows as they are, or uncorrelated and of variance 1 while training;
+    # or the samples' power means
     start: str  # one of STARTS: random weights, or T = S
     loss: str
     epsilon: float  # ε of equations 5 and 9
@@ -62,17 +72,18 @@ class Config:
     learning_rate: float
     terms_per_step: int  # how many n of window..terms are drawn for each batch; 0 = all
     data: FamiliesData | RendersData
+    samples: PowerMeans | None  # the table [samples], for inputs = "samples"
     setting: str  # one of SETTINGS
     text: str  # the file itself
 
 
 SETTINGS = ("paper", "small")
 SAMPLERS = ("random", "halton")
-INPUTS = ("raw", "whitened")
+INPUTS = ("raw", "whitened", "samples")
 STARTS = ("random", "input")
 PIXELS = ("box", "center")
 GIVEN = ("setting", "text")  # fields of Config that are no keys
-DATA_KINDS = {"families": FamiliesData, "renders": RendersData}
+DATA_KINDS = {"families": FamiliesData, "fresh-families": FreshFamiliesData, "renders": RendersData}
 
 
 def load(path: Path, setting: str = "paper") -> Config:
@@ -118,7 +129,12 @@ def _parse(table: dict[str, Any], text: str, setting: str) -> Config:
     if kind not in DATA_KINDS:
         raise UserError(f"data.kind = {kind!r}: expected one of {', '.join(DATA_KINDS)}")
     parsed = _read(DATA_KINDS[kind], data, "data.")
-    config = _read(Config, table, "", data=parsed, setting=setting, text=text)
+    form = table.get("samples")
+    if form is not None:
+        if not isinstance(form, dict):
+            raise UserError("samples: expected a table")
+        form = _read(PowerMeans, form, "samples.")
+    config = _read(Config, table, "", data=parsed, samples=form, setting=setting, text=text)
     _check_ranges(config)
     return config
 
@@ -165,8 +181,9 @@ def _check_ranges(config: Config) -> None:
 
     def require(holds: bool, key: str, requirement: str) -> None:
         if not holds:
-            owner, name = (data, key[5:]) if key.startswith("data.") else (config, key)
-            raise UserError(f"{key} = {getattr(owner, name)!r}: must be {requirement}")
+            owner, _, name = key.rpartition(".")
+            value = getattr(getattr(config, owner) if owner else config, name)
+            raise UserError(f"{key} = {value!r}: must be {requirement}")
 
     require(re.fullmatch(r"[\w-]+", config.name) is not None, "name", "letters, digits, '-' or '_'")
     require(0 <= config.seed < 2**63, "seed", "0 or more, below 2^63")
@@ -184,6 +201,7 @@ def _check_ranges(config: Config) -> None:
     points = data.terms - config.window + 1
     require(0 <= config.terms_per_step <= points, "terms_per_step", f"0 (all) to {points}")
 
+    _check_samples(config, require)
     if isinstance(data, FamiliesData):
         known = bool(data.families) and set(data.families) <= set(FAMILIES)
         require(known, "data.families", f"a list of {', '.join(FAMILIES)}")
@@ -196,3 +214,19 @@ def _check_ranges(config: Config) -> None:
         require(data.sampler in SAMPLERS, "data.sampler", f"one of {', '.join(SAMPLERS)}")
         require(data.pixel in PIXELS, "data.pixel", f"one of {', '.join(PIXELS)}")
         require(data.max_depth >= 1, "data.max_depth", "1 or more")
+
+
+def _check_samples(config: Config, require: Callable[[bool, str, str], None]) -> None:
+    """What belongs to networks that see the samples, and to no others."""
+    form, fresh = config.samples, isinstance(config.data, FreshFamiliesData)
+    if (config.inputs == "samples") != (form is not None):
+        raise UserError('inputs = "samples" and a table [samples] need each other')
+    if (config.inputs == "samples") != fresh:
+        raise UserError('inputs = "samples" and data.kind = "fresh-families" need each other')
+    if form is None or not fresh:
+        return
+    require(config.loss in ("L0", "L1"), "loss", "L0 or L1: of one run, only means of squares say anything")
+    require(config.terms_per_step >= 1, "terms_per_step", "1 or more")
+    require(config.data.batches >= 1, "data.batches", "1 or more")
+    if mistake := form.mistake():
+        require(False, f"samples.{mistake[0]}", mistake[1])

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from nst_train import analytic, bayes, families
 from nst_train.config import Config, FamiliesData
-from nst_train.model import Mlp
+from nst_train.model import Mlp, SampleMlp
 from nst_train.sequences import Data, Sequences
 
 REPORTED_N = (8, 16, 32, 64)
@@ -93,12 +93,25 @@ def run_errors(model: Mlp, sequences: Sequences, n: int) -> tuple[np.ndarray, np
 
 def transformed(model: Mlp, sequences: Sequences, n: int) -> Tensor:
     """T_n, `[integrand, run]`, on the CPU."""
+    if isinstance(model, SampleMlp):
+        return transformed_samples(model, sequences, n)
     device = next(model.parameters()).device
     windows = sequences.estimates[:, :, n - model.window : n]
     parts = windows.reshape(-1, model.window).split(CHUNK)
     with torch.no_grad():
         t = torch.cat([model(part.to(device)).cpu() for part in parts])
     return t.reshape(windows.shape[:2])
+
+
+def transformed_samples(model: SampleMlp, sequences: Sequences, n: int) -> Tensor:
+    """T_n, `[integrand, run]`, on the CPU; all lanes of the sequences are one batch."""
+    assert sequences.samples is not None
+    device = next(model.parameters()).device
+    sums = model.form.features(sequences.samples[..., :n].double()).sum(dim=-1).to(device)
+    count = torch.tensor(n, dtype=torch.float64, device=device)
+    unit = model.form.estimate(sums, count).abs().mean()
+    with torch.no_grad():
+        return model.transform(sums, count, unit).float().cpu()
 
 
 def errors(estimates: np.ndarray, reference: np.ndarray) -> tuple[float, float, float]:

@@ -1,4 +1,5 @@
-"""The network of section 3.1: a multi-layer perceptron from a window of estimates to T_n."""
+"""The network of section 3.1: a multi-layer perceptron from a window of estimates to T_n; and one that
+sees the samples instead."""
 
 import copy
 from contextlib import nullcontext
@@ -7,6 +8,8 @@ from itertools import pairwise
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
+
+from nst_train.power_means import PowerMeans
 
 NEGATIVE_SLOPE = 0.01
 """Of the leaky ReLU: PyTorch's default."""
@@ -82,3 +85,33 @@ class Mlp(nn.Module):
             for layer in between:
                 x = F.leaky_relu(layer(x), NEGATIVE_SLOPE)
         return last(x.to(last.weight.dtype)).squeeze(-1)
+
+
+class SampleMlp(Mlp):
+    """A network that sees the samples: its inputs are those of `power_means`, and its output o changes S."""
+
+    def __init__(self, form: PowerMeans, hidden: list[int], trained: tuple[int, int]) -> None:
+        """`trained` are the least and the largest n of training."""
+        super().__init__(form.width, hidden)
+        self.form = form
+        self.trained = trained
+
+    def inputs(self, sums: Tensor, n: Tensor, unit: Tensor) -> Tensor:
+        """`[…, input]` of the first layer, in the type of the sums `[power, …]`."""
+        return self.form.inputs(sums, n, unit, self.trained)
+
+    def start_from_input(self) -> None:
+        """Sets T = S: o = 0."""
+        with torch.no_grad():
+            self.layers[-1].weight.zero_()
+            self.layers[-1].bias.zero_()
+
+    def transform(self, sums: Tensor, n: Tensor, unit: Tensor) -> Tensor:
+        """T `[…]` of sums `[power, …]`; n and u broadcast with `[…]`.
+
+        Inputs, S and T have the type of the sums; the layers compute in the type of their weights.
+        """
+        estimate = self.form.estimate(sums, n)
+        inputs = self.inputs(sums, n, unit)
+        output = self(inputs.to(self.layers[0].weight.dtype)).to(sums.dtype)
+        return estimate + self.form.scale(estimate, unit) * output

@@ -11,13 +11,14 @@ from pathlib import Path
 import torch
 from torch.utils.tensorboard import SummaryWriter
 
-from nst_train import checkpoint, evaluation, families, renders, results, weights
+from nst_train import checkpoint, evaluation, families, fresh, renders, results, weights
 from nst_train import config as configs
 from nst_train.errors import UserError
 from nst_train.evaluation import Score
 from nst_train.progress import Progress
+from nst_train.sample_training import SampleTraining
 from nst_train.sequences import Data
-from nst_train.training import Training
+from nst_train.training import Descent, Training
 
 CHECKPOINT_SECONDS = 30.0
 """The least time between two checkpoints: what an interruption can cost."""
@@ -35,7 +36,7 @@ def run(config: configs.Config, out: Path, device: str = "cpu") -> list[Score]:
         f"{terms} terms",
         flush=True,
     )
-    training = Training(config, data.training, device)
+    training = make_training(config, data, device)
     seconds_at = checkpoint.resume(out, training, data.trained_on)
     write_description(out, config, data, device)
     train(out, training, data, seconds_at)
@@ -64,14 +65,23 @@ def claim(out: Path, config: configs.Config) -> None:
 
 def load_data(config: configs.Config, out: Path) -> Data:
     """Rendered runs are kept in `out` and used again."""
+    if isinstance(config.data, configs.FreshFamiliesData):
+        return fresh.make_data(config.data.families, config.data.runs, config.data.terms, config.seed)
     if isinstance(config.data, configs.FamiliesData):
         return families.make_data(config.data.families, config.data.runs, config.data.terms, config.seed)
     return renders.make_data(config.data, cache=out / "renders")
 
 
+def make_training(config: configs.Config, data: Data, device: str) -> Descent:
+    """Training that has not begun."""
+    if config.samples is not None:
+        return SampleTraining(config, data, device)
+    return Training(config, data.training, device)
+
+
 def train(
     out: Path,
-    training: Training,
+    training: Descent,
     data: Data,
     seconds_at: list[float],
     clock: Callable[[], float] = time.perf_counter,

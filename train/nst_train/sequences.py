@@ -16,6 +16,7 @@ class Sequences:
 
     estimates: Tensor  # [integrand, run, term], S_n at index n - 1
     reference: Tensor  # [integrand], I
+    samples: Tensor | None = None  # [integrand, run, term], where a network sees them
 
 
 @dataclass(frozen=True)
@@ -67,16 +68,29 @@ def whitening(estimates: Tensor, window: int) -> tuple[Tensor, Tensor]:
         total += part.sum(dim=0)
         squares += part.T @ part
     count = estimates[..., 0].numel() * (terms - window + 1)
-    center = total / count
-    variances, axes = torch.linalg.eigh(squares / count - center.outer(center))
+    return whitening_of(total / count, squares / count)
+
+
+def whitening_of(mean: Tensor, squares: Tensor, drop: bool = False) -> tuple[Tensor, Tensor]:
+    """As `whitening`, of inputs whose mean is `[input]`, and that of their products `[input, input]`.
+
+    With `drop`, axes below `LEAST_DEVIATION` become 0: what does not vary in training says nothing of it,
+    but would be magnified elsewhere.
+    """
+    variances, axes = torch.linalg.eigh(squares - mean.outer(mean))
     deviations = variances.clamp_min(0.0).sqrt()
-    scale = deviations.clamp_min(LEAST_DEVIATION * deviations[-1])
-    return center, (axes / scale).T
+    least = LEAST_DEVIATION * deviations[-1]
+    basis = (axes / deviations.clamp_min(least)).T
+    if drop:
+        basis[deviations < least] = 0.0
+    return mean, basis
 
 
 def concatenate(parts: list[Sequences]) -> Sequences:
     """All integrands of `parts`, in order."""
+    samples = [part.samples for part in parts if part.samples is not None]
     return Sequences(
         estimates=torch.cat([part.estimates for part in parts]),
         reference=torch.cat([part.reference for part in parts]),
+        samples=torch.cat(samples) if len(samples) == len(parts) else None,
     )

@@ -11,7 +11,8 @@ import safetensors.torch
 import torch
 
 from nst_train.errors import UserError
-from nst_train.model import NEGATIVE_SLOPE, Mlp
+from nst_train.model import NEGATIVE_SLOPE, Mlp, SampleMlp
+from nst_train.power_means import PowerMeans
 
 FORMAT = "nst-weights-1"
 
@@ -40,18 +41,27 @@ def rounded(model: Mlp, dtype: torch.dtype) -> Mlp:
 
 def save(path: Path, model: Mlp, provenance: Provenance, dtype: torch.dtype = torch.float32) -> None:
     """Writes f32 or f16 weights; the same network and provenance give the same bytes."""
+    if isinstance(model, SampleMlp):
+        assert provenance.samples == "{}..{}".format(*model.trained)
     architecture = {
         "format": FORMAT,
         "kind": "mlp",
-        "window": model.window,
-        "inputs": "window",
         "activation": "leaky_relu",
         "negative_slope": NEGATIVE_SLOPE,
+        **inputs(model),
     }
     known = {key: value for key, value in asdict(provenance).items() if value is not None}
     metadata = {key: str(value) for key, value in (architecture | known).items()}
     tensors = {name: tensor.cpu().to(dtype) for name, tensor in model.state_dict().items()}
     save_tensors(path, tensors, metadata)
+
+
+def inputs(model: Mlp) -> dict[str, object]:
+    """The metadata that say what the network reads."""
+    if not isinstance(model, SampleMlp):
+        return {"inputs": "window", "window": model.window}
+    form = asdict(model.form) | {"powers": ",".join(f"{p:g}" for p in model.form.powers)}
+    return {"inputs": "samples", **form}
 
 
 def save_tensors(path: Path, tensors: dict[str, torch.Tensor], metadata: dict[str, str]) -> None:
@@ -94,9 +104,24 @@ def load(path: Path) -> tuple[Mlp, dict[str, str]]:
     if not all(tensor.isfinite().all() for tensor in tensors.values()):
         raise UserError(f"{path}: a weight is NaN or infinite")
     try:
-        model = Mlp(int(metadata["window"]), [len(bias) for bias in biases[:-1]])
+        model = empty(metadata, [len(bias) for bias in biases[:-1]])
         model.load_state_dict(tensors)
     except (KeyError, ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())
         raise UserError(f"{path}: the tensors do not fit the metadata: {reason}") from error
     return model, metadata
+
+
+def empty(metadata: dict[str, str], hidden: list[int]) -> Mlp:
+    """A network with the inputs that the metadata say, and weights that mean nothing."""
+    if metadata.get("inputs") != "samples":
+        return Mlp(int(metadata["window"]), hidden)
+    powers = [float(p) for p in metadata["powers"].split(",")]
+    rest = {key: float(metadata[key]) for key in ("floor", "scale_estimate", "scale_unit")}
+    form = PowerMeans(powers, **rest)
+    if mistake := form.mistake():
+        raise ValueError(f"{mistake[0]} must be {mistake[1]}")
+    least, most = map(int, metadata["samples"].split(".."))
+    if not 1 <= least <= most:
+        raise ValueError(f"samples = {metadata['samples']!r}: must be the least and the largest n")
+    return SampleMlp(form, hidden, (least, most))
