@@ -95,7 +95,8 @@ def test_sequences(nst: Nst, tmp_path: Path, keep: str) -> None:
     for count in terms:
         assert same_bits(lanes(channels, f"S{count:04}"), runs[0, count - 1]), count
     assert same_bits(lanes(channels), runs[0, -1])
-    expected = ["", *(f"S{count:04}." for count in terms), *(f"fold{i}." for i in range(4)), "Variance."]
+    folds = [f"{kind}{i}." for kind in ("fold", "root", "square") for i in range(4)]
+    expected = ["", *(f"S{count:04}." for count in terms), *folds, "Variance."]
     stored = f32_channels(channels)
     assert sorted(stored) == sorted(layer + color for layer in expected for color in "RGB")
     assert all(pixels.dtype == np.float32 for pixels in stored.values())
