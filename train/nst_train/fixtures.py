@@ -11,13 +11,14 @@ PyTorch's instead. For each network:
 import argparse
 import copy
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import torch
 from torch import Tensor, nn
 
 from nst_train import weights
-from nst_train.errors import UserError
+from nst_train.errors import UserError, exit_code
 from nst_train.model import NEGATIVE_SLOPE, Mlp
 
 WINDOW = 8  # as of the built-in networks
@@ -34,13 +35,18 @@ TOLERANCE = 1e-5
 products, taken in any order, agree to about 64 ε = 4e-6 of it."""
 
 
-def random_network(hidden: list[int], seed: int) -> Mlp:
-    """He initialisation: outputs are of the order of the inputs. Biases are small but not zero."""
+def initialise(model: Mlp, seed: int) -> None:
+    """He initialisation: hidden units are of the order of the inputs. Biases are small but not zero."""
     rng = torch.Generator().manual_seed(seed)
-    model = Mlp(WINDOW, hidden)
     for layer in model.layers:
         nn.init.kaiming_normal_(layer.weight, a=NEGATIVE_SLOPE, nonlinearity="leaky_relu", generator=rng)
         nn.init.normal_(layer.bias, std=0.1, generator=rng)
+
+
+def random_network(hidden: list[int], seed: int) -> Mlp:
+    """Outputs are of the order of the inputs."""
+    model = Mlp(WINDOW, hidden)
+    initialise(model, seed)
     return model
 
 
@@ -66,20 +72,37 @@ def outputs(model: Mlp, inputs: Tensor) -> dict[str, Tensor]:
         }
 
 
+def save_network(
+    folder: Path, name: str, model: Mlp, hidden: list[int], samples: tuple[int, int], seed: int
+) -> None:
+    """Writes a network's weights file; `samples` are the least and the largest n."""
+    provenance = weights.Provenance(
+        trained_on="fixture:random",
+        samples="{}..{}".format(*samples),
+        loss="none",
+        epochs=0,
+        seed=seed,
+        config=f'name = "{name}"\nhidden = {hidden}\n',
+    )
+    weights.save(folder / f"{name}.safetensors", model, provenance)
+
+
+def compare(path: Path, key: str, computed: Tensor, stored: Tensor, allowed: Tensor) -> None:
+    """Raises an error where PyTorch's tensor differs from the stored one by more than is allowed."""
+    excess = ((computed - stored).abs() / allowed).max().item()
+    if not excess <= 1.0:
+        raise UserError(
+            f"{path}: {key} is {excess:.3g} times the tolerance away from PyTorch's; "
+            "rewrite the fixtures if the network's definition was meant to change"
+        )
+
+
 def write(folder: Path) -> None:
     """Rewrites all fixtures in `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
     for seed, (name, hidden) in enumerate(NETWORKS.items(), start=1):
         model = random_network(hidden, seed)
-        provenance = weights.Provenance(
-            trained_on="fixture:random",
-            samples=f"{WINDOW}..{WINDOW}",
-            loss="none",
-            epochs=0,
-            seed=seed,
-            config=f'name = "{name}"\nhidden = {hidden}\n',
-        )
-        weights.save(folder / f"{name}.safetensors", model, provenance)
+        save_network(folder, name, model, hidden, (WINDOW, WINDOW), seed)
         inputs = random_inputs(seed)
         tensors = {"input": inputs, **outputs(model, inputs)}
         weights.save_tensors(folder / f"{name}.io.safetensors", tensors, {})
@@ -96,26 +119,27 @@ def check(folder: Path) -> None:
             raise UserError(f"{path}: no tensor {', '.join(sorted(missing))}; rewrite the fixtures")
         allowed = TOLERANCE * (1.0 + stored["input"].abs().amax(dim=0))
         for key, computed in outputs(model, stored["input"]).items():
-            excess = ((computed - stored[key]).abs() / allowed).max().item()
-            if not excess <= 1.0:
-                raise UserError(
-                    f"{path}: {key} is {excess:.3g} times the tolerance away from PyTorch's; "
-                    "rewrite the fixtures if the network's definition was meant to change"
-                )
+            compare(path, key, computed, stored[key], allowed)
+
+
+def run(
+    argv: list[str] | None,
+    module: str,
+    about: str | None,
+    write: Callable[[Path], None],
+    check: Callable[[Path], None],
+) -> int:
+    """The command line of a module of fixtures: writes or checks them. Returns the exit code."""
+    parser = argparse.ArgumentParser(prog=f"python -m nst_train.{module}", description=about)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--check", action="store_true", help="compare instead of writing")
+    arguments = parser.parse_args(argv)
+    return exit_code(lambda: check(arguments.folder) if arguments.check else write(arguments.folder))
 
 
 def main(argv: list[str] | None = None) -> int:
     """`argv` is for tests; without it, the command line. Returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m nst_train.fixtures", description=__doc__)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--check", action="store_true", help="compare instead of writing")
-    arguments = parser.parse_args(argv)
-    try:
-        check(arguments.folder) if arguments.check else write(arguments.folder)
-    except (UserError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    return 0
+    return run(argv, "fixtures", __doc__, write, check)
 
 
 if __name__ == "__main__":

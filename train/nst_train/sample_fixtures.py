@@ -11,17 +11,17 @@ with PyTorch's instead. `power_means.py` defines the inputs. For each network:
   samples i with i mod 4 = 1, as for a network that must not see fold 1.
 """
 
-import argparse
 import copy
 import sys
 from pathlib import Path
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from nst_train import weights
-from nst_train.errors import UserError, exit_code
-from nst_train.model import NEGATIVE_SLOPE, SampleMlp
+from nst_train.errors import UserError
+from nst_train.fixtures import compare, initialise, run, save_network
+from nst_train.model import SampleMlp
 from nst_train.power_means import PowerMeans
 
 LANES = 101  # a prime: a multiple of no vector width and no workgroup size
@@ -46,12 +46,9 @@ order, agree to about 64 ε = 4e-6 of it."""
 
 
 def random_network(form: PowerMeans, hidden: list[int], trained: tuple[int, int], seed: int) -> SampleMlp:
-    """He initialisation: hidden units are of the order of the inputs. Biases are small but not zero."""
-    rng = torch.Generator().manual_seed(seed)
+    """Outputs are of the order of a tenth of the inputs."""
     model = SampleMlp(form, hidden, trained)
-    for layer in model.layers:
-        nn.init.kaiming_normal_(layer.weight, a=NEGATIVE_SLOPE, nonlinearity="leaky_relu", generator=rng)
-        nn.init.normal_(layer.bias, std=0.1, generator=rng)
+    initialise(model, seed)
     with torch.no_grad():  # changes of S that are of its order: inputs are up to 7, L of a dark lane
         model.layers[-1].weight.mul_(0.1)
     return model
@@ -107,15 +104,7 @@ def write(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for seed, (name, (form, hidden, trained, n)) in enumerate(NETWORKS.items(), start=1):
         model = random_network(form, hidden, trained, seed)
-        provenance = weights.Provenance(
-            trained_on="fixture:random",
-            samples="{}..{}".format(*trained),
-            loss="none",
-            epochs=0,
-            seed=seed,
-            config=f'name = "{name}"\nhidden = {hidden}\n',
-        )
-        weights.save(folder / f"{name}.safetensors", model, provenance)
+        save_network(folder, name, model, hidden, trained, seed)
         samples = random_samples(n, seed)
         tensors = {"samples": samples, **outputs(model, samples)}
         weights.save_tensors(folder / f"{name}.io.safetensors", tensors, {})
@@ -135,21 +124,12 @@ def check(folder: Path) -> None:
             size = computed.abs()
             if "output" in key:
                 size = stored["samples"].double().mean(dim=0).abs() + stored["unit"]
-            excess = ((computed - stored[key]).abs() / (TOLERANCE * size.clamp_min(1e-30))).max().item()
-            if not excess <= 1.0:
-                raise UserError(
-                    f"{path}: {key} is {excess:.3g} times the tolerance away from PyTorch's; "
-                    "rewrite the fixtures if the inputs' definition was meant to change"
-                )
+            compare(path, key, computed, stored[key], TOLERANCE * size.clamp_min(1e-30))
 
 
 def main(argv: list[str] | None = None) -> int:
     """`argv` is for tests; without it, the command line. Returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m nst_train.sample_fixtures", description=__doc__)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--check", action="store_true", help="compare instead of writing")
-    arguments = parser.parse_args(argv)
-    return exit_code(lambda: check(arguments.folder) if arguments.check else write(arguments.folder))
+    return run(argv, "sample_fixtures", __doc__, write, check)
 
 
 if __name__ == "__main__":
