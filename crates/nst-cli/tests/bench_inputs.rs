@@ -2,11 +2,9 @@
 
 mod common;
 
-use std::process::{Child, Command, Stdio};
-
 use common::{
     Bench, cornell, read_layer,
-    tables::{Table, errors, nst, number, succeed, table},
+    tables::{Table, errors, nst, number, start, succeed, table, terminate},
 };
 use nst_files::{
     ColorModel,
@@ -45,17 +43,6 @@ fn picture(bench: &Bench, name: &str, lanes: &[f32]) {
     let mut output = OutputFile::create(&bench.path(name)).expect("a new file");
     write_exr(&mut output, [8, 8], ColorModel::Rgb, &[("", lanes)], &info).expect("a picture");
     output.commit().expect("a disk with room");
-}
-
-fn start(bench: &Bench, args: &str) -> Child {
-    Command::new(env!("CARGO_BIN_EXE_nst"))
-        .args(args.split_whitespace())
-        .current_dir(bench.path(""))
-        .env("XDG_CACHE_HOME", bench.path("caches"))
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("the binary runs")
 }
 
 fn runs(table: &Table, method: &str, spp: u32) -> usize {
@@ -303,11 +290,8 @@ fn a_reference_that_is_cut_off() {
     while !bench.path("caches/nst/references").is_dir() {
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
-    let pid = child.id().to_string();
-    assert!(Command::new("kill").args(["-TERM", &pid]).status().expect("kill runs").success());
-    let output = child.wait_with_output().expect("it ends");
-    let complained = String::from_utf8(output.stderr).expect("UTF-8");
-    assert_eq!(output.status.code(), Some(143), "{complained}");
+    let (code, _, complained) = terminate(child);
+    assert_eq!(code, Some(143), "{complained}");
     for words in ["first half of the reference was not finished", "the same command"] {
         assert!(complained.contains(words), "{complained}");
     }

@@ -2,11 +2,11 @@
 
 mod common;
 
-use std::{path::PathBuf, process::Command};
+use std::path::PathBuf;
 
 use common::{
     Bench, cornell, read_layer,
-    tables::{errors, nst, number, succeed, table},
+    tables::{errors, nst, number, start, succeed, table, terminate},
 };
 use nst_core::{Estimates, methods::method, metrics};
 use nst_files::sequence_file::SequenceFile;
@@ -215,23 +215,14 @@ fn a_bench_that_is_cut_off_goes_on() {
             "bench scene {scene} --spp 32 --reference-spp 64 --transform gmon --runs {runs} -o t.csv"
         )
     };
-    let mut child = Command::new(env!("CARGO_BIN_EXE_nst"))
-        .args(args(1_000_000).split_whitespace())
-        .current_dir(bench.path(""))
-        .env("XDG_CACHE_HOME", bench.path("caches"))
-        .stderr(std::process::Stdio::piped())
-        .spawn()
-        .expect("the binary runs");
+    let mut child = start(&bench, &args(1_000_000));
     // The table is there as soon as a pair of runs is measured.
     while !bench.path("t.csv").is_file() {
         assert!(child.try_wait().expect("a child").is_none(), "it ended by itself");
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
-    let pid = child.id().to_string();
-    assert!(Command::new("kill").args(["-TERM", &pid]).status().expect("kill runs").success());
-    let output = child.wait_with_output().expect("it ends");
-    let complained = String::from_utf8(output.stderr).expect("UTF-8");
-    assert_eq!(output.status.code(), Some(143), "{complained}");
+    let (code, _, complained) = terminate(child);
+    assert_eq!(code, Some(143), "{complained}");
     assert!(complained.contains("the same command goes on from there"), "{complained}");
     let stopped = table(&bench, "t.csv");
     let runs = stopped.len() as u32 / 2 + 2;

@@ -1,6 +1,9 @@
 //! Runs `nst bench scene`, and reads its tables.
 
-use std::{collections::BTreeMap, process::Command};
+use std::{
+    collections::BTreeMap,
+    process::{Child, Command, Output, Stdio},
+};
 
 use super::Bench;
 
@@ -28,14 +31,34 @@ pub(crate) fn errors(table: &Table) -> Vec<String> {
     table.iter().map(|(key, row)| format!("{key:?} {:?}", columns.map(|it| &row[it]))).collect()
 }
 
-/// Runs `nst` with the caches in the test's folder.
+/// `nst` with the caches in the test's folder.
+fn command(bench: &Bench, args: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_nst"));
+    command.args(args.split_whitespace()).current_dir(bench.path(""));
+    command.env("XDG_CACHE_HOME", bench.path("caches"));
+    command
+}
+
+/// Runs `nst`: its exit code, and what it says and complains about.
 pub(crate) fn nst(bench: &Bench, args: &str) -> (Option<i32>, String, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_nst"))
-        .args(args.split_whitespace())
-        .current_dir(bench.path(""))
-        .env("XDG_CACHE_HOME", bench.path("caches"))
-        .output()
-        .expect("the binary runs");
+    ended(command(bench, args).output().expect("the binary runs"))
+}
+
+/// Starts `nst`.
+pub(crate) fn start(bench: &Bench, args: &str) -> Child {
+    let mut command = command(bench, args);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the binary runs")
+}
+
+/// Ends it by SIGTERM; as [`nst`].
+#[cfg(unix)]
+pub(crate) fn terminate(child: Child) -> (Option<i32>, String, String) {
+    let pid = child.id().to_string();
+    assert!(Command::new("kill").args(["-TERM", &pid]).status().expect("kill runs").success());
+    ended(child.wait_with_output().expect("it ends"))
+}
+
+fn ended(output: Output) -> (Option<i32>, String, String) {
     let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
     (output.status.code(), text(output.stdout), text(output.stderr))
 }
