@@ -4,15 +4,18 @@ use std::{path::Path, sync::Arc};
 
 #[cfg(feature = "gpu")]
 use nst_core::gpu::{AdapterKind, Gpu, MlpGpu};
-use nst_core::{Identity, MlpCpu, Network, Transform, methods::method};
+use nst_core::{
+    Estimates, Identity, MlpCpu, Network, SequenceBatch, Transform, Whole, guard::Judgement,
+    methods::method,
+};
 
+#[cfg(feature = "gpu")]
+use crate::fallback::Fallback;
 use crate::{
-    adapter::Adapter,
+    adapter::{Adapter, caught},
     args::{BackendArg, MethodArgs, TransformArg},
     error::Error,
 };
-#[cfg(feature = "gpu")]
-use crate::{adapter::caught, fallback::Fallback};
 
 /// The last terms that a rendering keeps if the method reads no more: the window of the
 /// built-in networks.
@@ -106,6 +109,19 @@ impl Method {
                 Err(reason) => Ok(Self::none(reason)),
             },
         }
+    }
+
+    /// Transforms a batch in memory; what the method says of its own gain, if it measures it.
+    pub(crate) fn transform(
+        &self,
+        batch: &SequenceBatch,
+        estimates: &mut Estimates,
+    ) -> Result<Option<Judgement>, nst_core::Error> {
+        caught(|| {
+            let fitted = self.transform.fit(&mut Whole::new(batch))?;
+            fitted.apply(batch, estimates)?;
+            Ok(fitted.judgement().cloned())
+        })
     }
 
     /// Fails if there are fewer terms than the method reads; `advice` says what to do then.

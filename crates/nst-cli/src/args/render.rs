@@ -140,7 +140,7 @@ pub(crate) enum SamplerArg {
     Random,
     /// A scrambled Halton sequence for each pixel: the least noise.
     Halton,
-    /// Four independent ones for each pixel, so that `auto` can measure what it gains.
+    /// Four independent ones for each pixel, so that `guard` can measure what it gains.
     HaltonFolds,
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nst_core::{Estimates, SequenceBatch, Whole};
+use nst_core::{Estimates, SequenceBatch};
 use nst_files::{
     ColorModel,
     output::{Kind, Name, OutputFile, Outputs},
@@ -19,7 +19,6 @@ use super::{
     settings,
 };
 use crate::{
-    adapter::caught,
     args::{KeepArg, RenderArgs},
     commands::picture_files::{PictureFiles, layers},
     error::Error,
@@ -147,13 +146,8 @@ impl Job<'_> {
         // For fewer samples than planned, `auto` may choose another network, or none.
         let method = if samples == args.spp { method } else { self.method(samples)? };
         let mut estimates = Estimates::default();
-        let transformed = timed(&mut watch.transform, || {
-            caught(|| {
-                let fitted = method.transform.fit(&mut Whole::new(&rendering.batch))?;
-                fitted.apply(&rendering.batch, &mut estimates)?;
-                Ok(fitted.judgement().cloned())
-            })
-        });
+        let transformed =
+            timed(&mut watch.transform, || method.transform(&rendering.batch, &mut estimates));
         let values = transformed.as_ref().map_or(rendering.batch.last(), |_| estimates.values());
         let info = PictureInfo {
             samples_per_pixel: Some(samples),

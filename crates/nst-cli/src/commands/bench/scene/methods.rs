@@ -6,11 +6,10 @@ use std::{
     time::{Duration, Instant},
 };
 
-use nst_core::{Estimates, SequenceBatch, Whole, guard::Judgement};
+use nst_core::{Estimates, SequenceBatch, guard::Judgement};
 
 use super::source::{Origin, Run, Source};
 use crate::{
-    adapter::caught,
     args::{BackendArg, TransformArg},
     commands::render::advice::options_with_a_network,
     error::Error,
@@ -195,13 +194,8 @@ impl Methods {
         let mut judgement = None;
         let mut once = || {
             let begin = Instant::now();
-            let transform = &*ready.method.transform;
-            judgement = caught(|| {
-                let fitted = transform.fit(&mut Whole::new(batch))?;
-                fitted.apply(batch, &mut estimates)?;
-                Ok(fitted.judgement().cloned())
-            })
-            .map_err(|error| error.to_string())?;
+            let transformed = ready.method.transform(batch, &mut estimates);
+            judgement = transformed.map_err(|error| error.to_string())?;
             Ok::<_, String>(begin.elapsed())
         };
         if ready.warming.is_none() {
