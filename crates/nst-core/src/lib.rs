@@ -27,6 +27,7 @@
 //! the feature `gpu` adds [`gpu::MlpGpu`], the same network as a WGSL compute
 //! shader.
 
+mod cholesky;
 mod compact;
 mod error;
 #[cfg(feature = "gpu")]

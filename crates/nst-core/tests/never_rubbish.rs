@@ -88,7 +88,7 @@ fn batch(rng: &mut Rng, lanes: usize) -> SequenceBatch {
         let folds: Vec<_> = (0..lanes).map(|_| lane(rng, 3 * FOLDS)).collect();
         // Some batches have the folds alone.
         let most = if rng.below(4) == 0 { FOLDS } else { 3 * FOLDS };
-        for (k, side) in Side::OF_FOLDS.into_iter().flatten().take(most).enumerate() {
+        for (k, side) in Side::EVERY_OF_FOLDS.iter().take(most).enumerate() {
             let fold = folds.iter().map(|folds| folds[k]).collect();
             batch.set_side(side.clone(), fold).expect("a value per lane");
         }

@@ -1,7 +1,7 @@
 //! Checks whether a rendering fits into memory, before it begins.
 
 use bytemuck::Zeroable;
-use nst_core::{FOLDS, LaneSums, Side};
+use nst_core::{LaneSums, Side};
 
 use crate::{
     Error,
@@ -18,7 +18,7 @@ pub(crate) fn needed(size: [u32; 2], settings: &RenderSettings) -> u128 {
 
 fn bytes_per_pixel(settings: &RenderSettings) -> u128 {
     let slots = Slots::new(settings.keep, settings.spp).count() as u128;
-    let sides = (Side::OF_FOLDS.len() * FOLDS) as u128 + 1;
+    let sides = Side::EVERY_OF_FOLDS.len() as u128 + 1;
     CHANNELS as u128 * ((slots + sides) * size_of::<f32>() as u128 + size_of::<LaneSums>() as u128)
 }
 

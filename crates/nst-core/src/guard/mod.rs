@@ -221,7 +221,7 @@ impl FittedGuard<'_> {
                 (*value, status[lane]) = (chunk.last[lane], Status::NotFinite);
                 continue;
             }
-            let half = chunk.half(lane);
+            let half = chunk.strip.half(chunk.first + lane);
             let numbers = view.numbers(lane);
             let mut d = [0.0; MOST];
             let corrected = corrections.changes(*unit, &numbers, half).into_iter();
@@ -246,34 +246,9 @@ struct Chunk<'a> {
     lanes: Vec<LaneMeans>,
 }
 
-impl Chunk<'_> {
-    /// Which half of the chessboard a lane's pixel is in.
-    fn half(&self, lane: usize) -> usize {
-        let lane = self.first + lane;
-        self.strip.grid().map_or(lane % 2, |grid| {
-            let pixel = lane % grid.pixels();
-            (pixel % grid.width() + pixel / grid.width() + grid.first_row() as usize) % 2
-        })
-    }
-}
-
 impl Transform for Guard {
     fn requires(&self) -> Requirements {
-        const SIDES: &[Side] = &[
-            Side::Fold(0),
-            Side::Fold(1),
-            Side::Fold(2),
-            Side::Fold(3),
-            Side::Root(0),
-            Side::Root(1),
-            Side::Root(2),
-            Side::Root(3),
-            Side::Square(0),
-            Side::Square(1),
-            Side::Square(2),
-            Side::Square(3),
-        ];
-        Requirements { window: 1, sides: SIDES, support: Support::Lane, fits: true }
+        Requirements { window: 1, sides: Side::EVERY_OF_FOLDS, support: Support::Lane, fits: true }
     }
 
     fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {

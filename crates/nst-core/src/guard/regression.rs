@@ -20,6 +20,7 @@ use super::{
     table::PIXELS_PER_TASK,
     view::{Lanes, Numbers},
 };
+use crate::cholesky::solve;
 
 const INPUTS: usize = 5;
 const FEATURES: usize = INPUTS * (INPUTS + 1) / 2;
@@ -139,7 +140,7 @@ impl Equations {
         }
     }
 
-    /// Ridge regression by Cholesky's A = L Lᵀ; zeros where that breaks down.
+    /// Ridge regression; zeros where that breaks down.
     fn solve(mut self) -> Features {
         let scale: Features = std::array::from_fn(|i| {
             let diagonal = self.matrix[i][i];
@@ -152,20 +153,7 @@ impl Equations {
             }
             self.matrix[i][i] += PENALTY;
         }
-        let (l, x) = (&mut self.matrix, &mut self.right);
-        for i in 0..FEATURES {
-            for j in 0..=i {
-                let dot: f64 = (0..j).map(|k| l[i][k] * l[j][k]).sum();
-                let rest = l[i][j] - dot;
-                l[i][j] = if i == j { rest.sqrt() } else { rest / l[j][j] };
-            }
-            let dot: f64 = (0..i).map(|k| l[i][k] * x[k]).sum();
-            x[i] = (x[i] - dot) / l[i][i];
-        }
-        for i in (0..FEATURES).rev() {
-            let dot: f64 = (i + 1..FEATURES).map(|k| l[k][i] * x[k]).sum();
-            x[i] = (x[i] - dot) / l[i][i];
-        }
+        let x = solve(self.matrix, self.right, FEATURES);
         let solution: Features = std::array::from_fn(|i| x[i] * scale[i]);
         if solution.iter().all(|c| c.is_finite()) { solution } else { [0.0; FEATURES] }
     }

@@ -12,7 +12,7 @@ const MOST_PIXELS: usize = 1 << 15;
 /// Means of y, √y and y² over each fold of a lane, `[kind][fold]`.
 pub(super) type LaneMeans = [[f32; FOLDS]; 3];
 
-/// Which folds are held out: one, or none.
+/// How many groups of folds are held out in turn: each fold is one.
 pub(super) const GROUPS: usize = FOLDS;
 
 /// The variance of S relative to that of a mean without a group.
@@ -115,10 +115,7 @@ impl Sample {
             let lanes =
                 of_pixel.clone().map(|lane| sides.map(|folds| folds.map(|fold| fold[lane])));
             let number = (first / self.channels + pixel) as u64;
-            let half = strip.grid().map_or(pixel % 2, |grid| {
-                let (x, y) = (pixel % grid.width(), pixel / grid.width());
-                (x + y + grid.first_row() as usize) % 2
-            });
+            let half = strip.half(pixel);
             if !lanes.clone().all(|lane| lane.iter().flatten().all(|x| x.is_finite())) {
                 continue;
             }

@@ -1,5 +1,7 @@
 //! The best blend of a few experts: a small quadratic problem on the simplex.
 
+use crate::cholesky::solve;
+
 /// The most experts of one blend: all sets of them are tried.
 pub(super) const MOST: usize = 8;
 
@@ -98,30 +100,19 @@ impl Members {
         columns.map(|&i| Some(self.solve(a, &noise[i])?[i])).sum()
     }
 
-    /// The solution of A x = b for the members, 0 elsewhere, by Cholesky's A = L Lᵀ; `None`
-    /// where A is not positive definite.
+    /// The solution of A x = b for the members, 0 elsewhere; `None` where A is not positive
+    /// definite.
     fn solve(&self, a: &[[f64; MOST]; MOST], b: &[f64; MOST]) -> Option<[f64; MOST]> {
         let list = &self.list[..self.count];
-        let mut l = [[0.0; MOST]; MOST];
-        let mut y = [0.0; MOST];
+        let (mut rows, mut right) = ([[0.0; MOST]; MOST], [0.0; MOST]);
         for (i, &row) in list.iter().enumerate() {
-            for (j, &column) in list[..=i].iter().enumerate() {
-                let dot: f64 = (0..j).map(|k| l[i][k] * l[j][k]).sum();
-                let rest = a[row][column] - dot;
-                l[i][j] = if i == j { rest.sqrt() } else { rest / l[j][j] };
-            }
-            let dot: f64 = (0..i).map(|k| l[i][k] * y[k]).sum();
-            y[i] = (b[row] - dot) / l[i][i];
-            if !(l[i][i] > 0.0 && y[i].is_finite()) {
-                return None;
-            }
+            right[i] = b[row];
+            list.iter().enumerate().for_each(|(j, &column)| rows[i][j] = a[row][column]);
         }
+        let solution = solve(rows, right, self.count);
         let mut x = [0.0; MOST];
-        for (i, &row) in list.iter().enumerate().rev() {
-            let dot: f64 = (i + 1..self.count).map(|k| l[k][i] * x[list[k]]).sum();
-            x[row] = (y[i] - dot) / l[i][i];
-        }
-        Some(x)
+        list.iter().zip(solution).for_each(|(&member, value)| x[member] = value);
+        x.iter().all(|value| value.is_finite()).then_some(x)
     }
 }
 

@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{
     Error, Estimates, FOLDS, Fitted, Requirements, SequenceBatch, Status, Strips, Transform,
-    sum_in_order,
+    cholesky::solve, sum_in_order,
 };
 
 /// Learns from the batch how to predict one fold mean from the other three, and corrects
@@ -73,23 +73,10 @@ fn moments(strip: &SequenceBatch, lanes: &[Range<usize>], unit: f64) -> [Moments
     if let Some(folds) = folds(strip) {
         for lane in lanes.iter().cloned().flatten() {
             let means = folds.map(|fold| f64::from(fold[lane]) / unit);
-            halves[half(strip, lane)].add_lane(means);
+            halves[strip.half(lane)].add_lane(means);
         }
     }
     halves
-}
-
-/// Which half of the cross-fit a lane is in.
-#[inline(always)]
-fn half(strip: &SequenceBatch, lane: usize) -> usize {
-    match strip.grid() {
-        None => lane % 2,
-        Some(grid) => {
-            let pixel = lane % grid.pixels();
-            let (x, y) = (pixel % grid.width(), pixel / grid.width());
-            (x + y + grid.first_row() as usize) % 2
-        }
-    }
 }
 
 /// What was learned, ready to be applied.
@@ -111,7 +98,7 @@ impl Fitted for Corrections {
             for (i, (value, status)) in values.iter_mut().zip(status).enumerate() {
                 let lane = chunk * CHUNK + i;
                 let means = folds.map(|fold| f64::from(fold[lane]) / self.unit);
-                let correction = self.unit * self.of_half[half(strip, lane)].correction(means);
+                let correction = self.unit * self.of_half[strip.half(lane)].correction(means);
                 let estimate = (f64::from(last[lane]) + correction) as f32;
                 (*value, *status) = judge(last[lane], means, estimate);
             }
@@ -213,7 +200,7 @@ impl Moments {
             matrix[i][i] += penalty;
         }
         let targets = std::array::from_fn(|i| self.targets[i] / count * scale[i]);
-        let solution = solve(matrix, targets);
+        let solution = solve(matrix, targets, FEATURES);
         Fit { mean, slope: std::array::from_fn(|i| solution[i] * scale[i]) }
     }
 }
@@ -236,24 +223,6 @@ impl Fit {
         }
         sum / FOLDS as f64
     }
-}
-
-/// Solves A x = b for a positive definite A, by Cholesky's A = L Lᵀ.
-fn solve(mut a: [Features; FEATURES], mut b: Features) -> Features {
-    for i in 0..FEATURES {
-        for j in 0..=i {
-            let dot: f64 = (0..j).map(|k| a[i][k] * a[j][k]).sum();
-            let rest = a[i][j] - dot;
-            a[i][j] = if i == j { rest.sqrt() } else { rest / a[j][j] };
-        }
-        let dot: f64 = (0..i).map(|k| a[i][k] * b[k]).sum();
-        b[i] = (b[i] - dot) / a[i][i];
-    }
-    for i in (0..FEATURES).rev() {
-        let dot: f64 = (i + 1..FEATURES).map(|k| a[k][i] * b[k]).sum();
-        b[i] = (b[i] - dot) / a[i][i];
-    }
-    b
 }
 
 #[cfg(test)]
@@ -339,7 +308,7 @@ mod tests {
         batch.set_grid(Grid::new(width, rows, channels, 0)?)?;
         let grid = *batch.grid().expect("it was set");
         for pixel in 0..grid.pixels() {
-            let of_channel = |c: usize| half(&batch, c * grid.pixels() + pixel);
+            let of_channel = |c: usize| batch.half(c * grid.pixels() + pixel);
             assert!((1..3).all(|c| of_channel(c) == of_channel(0)), "pixel {pixel}");
         }
 
@@ -359,16 +328,5 @@ mod tests {
             assert_eq!(planes.concat(), whole.values(), "strips of {step} rows");
         }
         Ok(())
-    }
-
-    #[test]
-    fn cholesky() {
-        let matrix: [Features; FEATURES] = std::array::from_fn(|i| {
-            std::array::from_fn(|j| if i == j { 3.0 } else { 1.0 / (1.0 + (i + j) as f64) })
-        });
-        let x = [1.0, -2.0, 3.0, 0.5, 0.0, 7.0, -1.0, 2.0];
-        let b = matrix.map(|row| row.iter().zip(x).map(|(a, x)| a * x).sum());
-        let solution = solve(matrix, b);
-        assert!(solution.iter().zip(x).all(|(s, x)| (s - x).abs() < 1e-12), "{solution:?}");
     }
 }

@@ -172,6 +172,17 @@ impl SequenceBatch {
         self.grid.as_ref()
     }
 
+    /// Which half a lane is in, 0 or 1, where a method learns from one half what it applies to
+    /// the other: the squares of a chessboard, so that a pixel's channels, which share samples,
+    /// are in the same half. Without a grid, every other lane is.
+    pub(crate) fn half(&self, lane: usize) -> usize {
+        self.grid.map_or(lane % 2, |grid| {
+            let pixel = lane % grid.pixels();
+            let (x, y) = (pixel % grid.width(), pixel / grid.width());
+            (x + y + grid.first_row() as usize) % 2
+        })
+    }
+
     /// Adds or replaces a side channel: one value per lane, or per pixel of the grid, as
     /// its [extent](Side::extent) says.
     ///

@@ -45,21 +45,30 @@ pub enum Merging {
 }
 
 impl Side {
+    /// All means of folds, kind by kind.
+    pub const EVERY_OF_FOLDS: &'static [Self; 3 * FOLDS] = &[
+        Self::Fold(0),
+        Self::Fold(1),
+        Self::Fold(2),
+        Self::Fold(3),
+        Self::Root(0),
+        Self::Root(1),
+        Self::Root(2),
+        Self::Root(3),
+        Self::Square(0),
+        Self::Square(1),
+        Self::Square(2),
+        Self::Square(3),
+    ];
+
+    /// The same, `[kind][fold]`: means, roots, squares.
+    pub const OF_FOLDS: [&'static [Self; FOLDS]; 3] = match Self::EVERY_OF_FOLDS.as_chunks().0 {
+        [folds, roots, squares] => [folds, roots, squares],
+        _ => unreachable!(),
+    };
+
     /// The four folds, which methods ask for together.
-    pub const ALL_FOLDS: &'static [Self; FOLDS] =
-        &[Self::Fold(0), Self::Fold(1), Self::Fold(2), Self::Fold(3)];
-
-    /// The roots of the four folds.
-    pub const ALL_ROOTS: &'static [Self; FOLDS] =
-        &[Self::Root(0), Self::Root(1), Self::Root(2), Self::Root(3)];
-
-    /// The squares of the four folds.
-    pub const ALL_SQUARES: &'static [Self; FOLDS] =
-        &[Self::Square(0), Self::Square(1), Self::Square(2), Self::Square(3)];
-
-    /// All means of folds.
-    pub const OF_FOLDS: [&'static [Self; FOLDS]; 3] =
-        [Self::ALL_FOLDS, Self::ALL_ROOTS, Self::ALL_SQUARES];
+    pub const ALL_FOLDS: &'static [Self; FOLDS] = Self::OF_FOLDS[0];
 
     /// Whether it is a mean over a fold.
     #[must_use]
@@ -69,7 +78,7 @@ impl Side {
 
     /// All that have a name of their own.
     fn known() -> impl Iterator<Item = &'static Self> {
-        Self::OF_FOLDS.into_iter().flatten().chain(&[Self::Variance, Self::Skipped])
+        Self::EVERY_OF_FOLDS.iter().chain(&[Self::Variance, Self::Skipped])
     }
 
     /// What it has one number for.

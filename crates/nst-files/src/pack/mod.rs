@@ -155,7 +155,7 @@ impl Packer {
         match self.pack {
             Pack::Estimates(_) => Vec::new(),
             Pack::Samples(_) => {
-                let of_folds = Side::OF_FOLDS.into_iter().flatten();
+                let of_folds = Side::EVERY_OF_FOLDS.iter();
                 of_folds
                     .filter(|_| count >= FOLDS)
                     .cloned()

@@ -201,7 +201,7 @@ impl Strips for SequenceReader {
 fn check_resumable(info: &SequenceInfo) -> Result<(), String> {
     let Some(resume) = &info.resume else { return Ok(()) };
     let n = info.samples();
-    let mut needed = Side::OF_FOLDS.into_iter().flatten().filter(|_| n as usize >= FOLDS);
+    let mut needed = Side::EVERY_OF_FOLDS.iter().filter(|_| n as usize >= FOLDS);
     if let Some(side) = needed.find(|&side| !info.sides.contains(side)) {
         return Err(format!(
             "layer '{side}' is missing, without which its state cannot be read; without \

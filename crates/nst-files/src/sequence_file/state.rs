@@ -12,11 +12,11 @@ use nst_core::{FOLDS, LaneSums, SequenceBatch, Side, fold_count};
 use crate::{ColorModel, layers::channel_name, rows::Channel};
 
 /// The number of sums of a lane.
-pub(super) const SUMS: usize = Side::OF_FOLDS.len() * FOLDS;
+pub(super) const SUMS: usize = Side::EVERY_OF_FOLDS.len();
 
 /// The UINT channels: for each sum `hi` and `lo`, each with the channels of `model`.
 pub(super) fn channels(model: ColorModel) -> Vec<Channel> {
-    let sums = Side::OF_FOLDS.into_iter().flatten().map(|side| format!("state.{side}"));
+    let sums = Side::EVERY_OF_FOLDS.iter().map(|side| format!("state.{side}"));
     sums.flat_map(|sum| [format!("{sum}.hi"), format!("{sum}.lo")])
         .flat_map(|layer| {
             model
@@ -66,7 +66,7 @@ impl Known {
     }
 }
 
-/// The sums of a lane in the order of [`Side::OF_FOLDS`].
+/// The sums of a lane in the order of [`Side::EVERY_OF_FOLDS`].
 fn flat(sums: &LaneSums) -> [f64; SUMS] {
     std::array::from_fn(|sum| sums.of_folds()[sum / FOLDS][sum % FOLDS])
 }
@@ -111,7 +111,7 @@ impl<'a> KnownLanes<'a> {
     pub(super) fn new(batch: &'a SequenceBatch) -> Self {
         Self {
             n: batch.sample_counts().last().copied().unwrap_or_default(),
-            means: std::array::from_fn(|sum| batch.side(&Side::OF_FOLDS[sum / FOLDS][sum % FOLDS])),
+            means: std::array::from_fn(|sum| batch.side(&Side::EVERY_OF_FOLDS[sum])),
             variance: batch.side(&Side::Variance),
         }
     }
