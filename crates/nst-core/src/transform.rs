@@ -62,7 +62,8 @@ impl<F: Fitted + ?Sized> Fitted for &F {
 pub struct Requirements {
     /// How many of the last terms, at least 1. Where fewer are stored, all lanes keep S_n.
     pub window: usize,
-    /// The side channels without which all lanes keep S_n.
+    /// The side channels without which all lanes keep S_n. No others are read when the method
+    /// is [applied](Fitted::apply).
     pub sides: &'static [Side],
     /// The lanes that an estimate depends on, beside what was fitted.
     pub support: Support,

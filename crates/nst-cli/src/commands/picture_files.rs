@@ -1,9 +1,14 @@
 //! The files of a picture: EXR and PNG, or PNG alone.
 
-use std::path::Path;
+use std::{borrow::Cow, path::Path};
 
 use nst_core::{SequenceBatch, Side};
-use nst_files::output::{Kind, Name, OutputFile, Outputs, commit};
+use nst_files::{
+    ColorModel,
+    output::{Kind, Name, OutputFile, Outputs, commit},
+    picture_writer::{PictureInfo, PictureWriter},
+    png::PngWriter,
+};
 
 use crate::{args::has_extension, error::Error};
 
@@ -17,8 +22,8 @@ pub(super) fn layers<'a>(batch: &'a SequenceBatch, values: &'a [f32]) -> Vec<(&'
 /// Where a picture goes. All of it is there at the end, or nothing.
 pub(super) struct PictureFiles {
     /// Left out if the user asked for a PNG.
-    pub(super) exr: Option<OutputFile>,
-    pub(super) png: OutputFile,
+    exr: Option<OutputFile>,
+    png: OutputFile,
 }
 
 impl PictureFiles {
@@ -33,11 +38,56 @@ impl PictureFiles {
         Ok(Self { exr: Some(exr), png })
     }
 
+    /// Begins to write. The EXR has the layers `S` and, if there is one, `Variance`.
+    pub(super) fn begin(
+        &mut self,
+        size: [u32; 2],
+        model: ColorModel,
+        sides: &[Side],
+        info: &PictureInfo,
+    ) -> Result<PictureRows<'_>, Error> {
+        let mut layers = vec!["", "S"];
+        layers.extend(sides.contains(&Side::Variance).then_some("Variance"));
+        let exr = self.exr.as_mut();
+        let exr = exr.map(|exr| PictureWriter::create(exr, size, model, &layers, info));
+        let png = PngWriter::create(&mut self.png, size)?;
+        Ok(PictureRows { exr: exr.transpose()?, png, channels: model.channels().len() })
+    }
+
     /// Puts the files in their places; returns their paths.
     pub(super) fn commit(self) -> Result<Vec<String>, Error> {
         let files: Vec<_> = self.exr.into_iter().chain([self.png]).collect();
         let paths = files.iter().map(|file| file.path().display().to_string()).collect();
         commit(files)?;
         Ok(paths)
+    }
+}
+
+/// The files of a picture while they are written, some rows at a time.
+pub(super) struct PictureRows<'a> {
+    exr: Option<PictureWriter<'a>>,
+    png: PngWriter<'a>,
+    channels: usize,
+}
+
+impl PictureRows<'_> {
+    /// Writes a strip, without its halo, and its estimates.
+    pub(super) fn push(&mut self, strip: &SequenceBatch, values: &[f32]) -> Result<(), Error> {
+        let inner = |lanes| strip.grid().map_or(Cow::Borrowed(lanes), |grid| grid.inner(lanes));
+        let others = layers(strip, values).into_iter().skip(1).map(|(_, lanes)| inner(lanes));
+        let others: Vec<Cow<'_, [f32]>> = others.collect();
+        let layers: Vec<&[f32]> =
+            [values].into_iter().chain(others.iter().map(AsRef::as_ref)).collect();
+        let (exr, png) = rayon::join(
+            || self.exr.as_mut().map_or(Ok(()), |exr| exr.push(&layers)),
+            || self.png.push(values, self.channels),
+        );
+        Ok(exr.and(png)?)
+    }
+
+    /// Completes the files, of which all rows must have been written.
+    pub(super) fn finish(self) -> Result<(), Error> {
+        self.exr.map_or(Ok(()), PictureWriter::finish)?;
+        Ok(self.png.finish()?)
     }
 }
