@@ -12,6 +12,7 @@ mod commands;
 mod error;
 #[cfg(feature = "gpu")]
 mod fallback;
+mod guard;
 mod interrupt;
 mod method;
 mod progress;
