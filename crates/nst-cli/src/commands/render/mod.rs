@@ -102,3 +102,28 @@ fn progress(scene: &Scene, paths: u64, common: &CommonArgs) -> Progress {
     let before = format!("building the tree of {}", counted(scene.triangles.len(), "triangle"));
     Progress::count(&before, "render", paths, common)
 }
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+    use crate::args::{Args, Command};
+
+    #[test]
+    fn terms_are_kept_for_who_reads_them() {
+        let keep = |options: &str, window: usize| {
+            let line = format!("nst render --scene x.obj {options}");
+            let args = Args::try_parse_from(line.split_whitespace()).expect("a command line");
+            let Command::Render(args) = args.command else { panic!("it renders") };
+            settings(&args, window, KeepArg::Window).keep
+        };
+        assert_eq!(keep("", 1), Keep::Window(1));
+        assert_eq!(keep("", 8), Keep::Window(8));
+        assert_eq!(keep("--sequence s.exr", 1), Keep::Window(8));
+        assert_eq!(keep("--sequence s.exr", 16), Keep::Window(16));
+        assert_eq!(keep("--sequence s.exr --keep pow2", 1), Keep::Pow2(8));
+        assert_eq!(keep("--runs 2", 1), Keep::Window(8));
+        assert_eq!(keep("--sequence s.exr --keep all", 1), Keep::All);
+    }
+}
