@@ -9,7 +9,7 @@ use nst_core::{
 use crate::{
     args::ExpertArg,
     error::Error,
-    method::{builtin, network_of},
+    networks::{builtin, network_of},
 };
 
 /// The sampler whose folds are parts of one sequence, so that none says anything about the

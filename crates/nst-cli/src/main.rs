@@ -15,6 +15,7 @@ mod fallback;
 mod guard;
 mod interrupt;
 mod method;
+mod networks;
 mod progress;
 mod report;
 mod results;

@@ -16,6 +16,7 @@ use crate::{
     args::{BackendArg, ExpertArg, MethodArgs, TransformArg},
     error::Error,
     guard::guard,
+    networks::{builtin, network_of},
 };
 
 /// The last terms of a stored sequence, unless the method reads more: the window of the
@@ -171,15 +172,4 @@ fn on_gpu(_: Arc<Network>, _: &Adapter) -> Result<Box<dyn Transform>, Error> {
 #[cfg(not(feature = "gpu"))]
 fn on_any(_: Arc<Network>, cpu: MlpCpu, _: &Adapter) -> Box<dyn Transform> {
     Box::new(cpu)
-}
-
-/// The network of a weights file.
-pub(crate) fn network_of(path: &Path) -> Result<Network, Error> {
-    Network::read(path).map_err(|source| Error::Weights { path: path.to_owned(), source })
-}
-
-/// The built-in network of a name.
-pub(crate) fn builtin(name: &str) -> Result<Network, Error> {
-    let network = Network::builtin(name);
-    Ok(network.unwrap_or_else(|| unreachable!("the command line admits built-in names only"))?)
 }

@@ -21,7 +21,7 @@ pub(crate) struct BenchArgs {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Bench {
-    Scene(BenchSceneArgs),
+    Scene(Box<BenchSceneArgs>),
     Stability(BenchStabilityArgs),
 }
 

@@ -66,6 +66,16 @@ pub(crate) enum ExpertArg {
     Weights(PathBuf),
 }
 
+impl ExpertArg {
+    /// The file that it is read from.
+    pub(crate) fn file(&self) -> Option<&PathBuf> {
+        match self {
+            Self::Weights(path) => Some(path),
+            _ => None,
+        }
+    }
+}
+
 impl fmt::Display for ExpertArg {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -79,16 +89,8 @@ impl fmt::Display for ExpertArg {
 impl MethodArgs {
     /// The files that are read for the method.
     pub(crate) fn files(&self) -> impl Iterator<Item = &PathBuf> {
-        self.weights.iter().chain(files(&self.experts))
+        self.weights.iter().chain(self.experts.iter().filter_map(ExpertArg::file))
     }
-}
-
-/// The files of experts.
-pub(crate) fn files(experts: &[ExpertArg]) -> impl Iterator<Item = &PathBuf> {
-    experts.iter().filter_map(|expert| match expert {
-        ExpertArg::Weights(path) => Some(path),
-        _ => None,
-    })
 }
 
 /// What the guard's own experts are called.

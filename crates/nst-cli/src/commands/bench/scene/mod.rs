@@ -15,7 +15,7 @@ use nst_files::output::{Kind, Name, Outputs};
 use nst_render::{LoadOptions, SamplerKind, Scene};
 
 use crate::{
-    args::{BenchSceneArgs, TransformArg, files},
+    args::{BenchSceneArgs, ExpertArg, TransformArg},
     commands::check_distinct,
     error::Error,
     interrupt,
@@ -45,7 +45,7 @@ const PATHS_PER_METHOD: u64 = 8;
 pub(super) fn run(args: &BenchSceneArgs) -> Result<Done, Error> {
     check_seeds(args)?;
     check_distinct(&[&args.reference[..], &args.sequence].concat())?;
-    let of_experts = files(&args.experts);
+    let of_experts = args.experts.iter().filter_map(ExpertArg::file);
     let inputs = args.reference.iter().chain(&args.weights).chain(of_experts);
     let mut inputs: Vec<_> = inputs.cloned().collect();
     inputs.extend(args.picture.iter().map(|picture| picture.file.clone()));
