@@ -127,7 +127,8 @@ impl Guard {
             judgement: Judgement::plain(why),
         };
         let Some(sample) = Sample::take(strips)? else {
-            let why = "the sequence has no statistics of folds, so nothing can be held out";
+            let why = "there are no statistics of four folds, as of snapshots, old files, or fewer \
+                       than four samples, so nothing can be held out";
             return Ok(plain(Status::NoFolds, why));
         };
         if sample.counts.contains(&0.0) {
