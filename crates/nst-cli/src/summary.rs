@@ -70,8 +70,9 @@ impl Outcome {
         Self { judgement, ..Self::default() }
     }
 
-    pub(crate) fn judgement(&self) -> Option<&Judgement> {
-        self.judgement.as_ref()
+    /// The same lanes, and what the method says of its gain.
+    pub(crate) fn with(self, judgement: Option<Judgement>) -> Self {
+        Self { judgement, ..self }
     }
 
     pub(crate) fn add(&mut self, estimates: &Estimates) {

@@ -42,8 +42,8 @@ use view::{Lanes, View};
 use weights::{Changes, Weights, of_lane, strata};
 
 use crate::{
-    Error, Estimates, FOLDS, Fitted, Requirements, SequenceBatch, Side, Status, Strips, Support,
-    Transform,
+    Error, Estimates, FOLDS, Fit, Fitted, Requirements, SequenceBatch, Side, Status, Strips,
+    Support, Transform,
 };
 
 /// Lanes per task of the thread pool when estimates are made.
@@ -121,29 +121,39 @@ impl Guard {
     /// # Errors
     /// Those of `strips`.
     pub fn measure<'a>(&'a self, strips: &mut dyn Strips) -> Result<FittedGuard<'a>, Error> {
+        strips.rewind(0)?;
+        let mut sample = Sample::default();
+        while let Some(strip) = strips.next_strip()?
+            && sample.add(&strip)
+        {}
+        Ok(self.learn(sample))
+    }
+
+    /// Learns from a sample of all strips.
+    fn learn(&self, sample: Sample) -> FittedGuard<'_> {
         let plain = |status: Status, why: &str| FittedGuard {
             experts: Vec::new(),
             learnt: Err(status),
             judgement: Judgement::plain(why),
         };
-        let Some(sample) = Sample::take(strips)? else {
+        let Some(sample) = sample.finish() else {
             let why = "there are no statistics of four folds, as of snapshots, old files, or fewer \
                        than four samples, so nothing can be held out";
-            return Ok(plain(Status::NoFolds, why));
+            return plain(Status::NoFolds, why);
         };
         if sample.counts.contains(&0.0) {
             let why = "there are fewer than four samples, so nothing can be held out";
-            return Ok(plain(Status::TooShort, why));
+            return plain(Status::TooShort, why);
         }
         if sample.pixels.is_empty() {
-            return Ok(plain(Status::NotFinite, "no estimates are finite"));
+            return plain(Status::NotFinite, "no estimates are finite");
         }
         let views: Vec<View> = (0..=GROUPS)
             .into_par_iter()
             .map(|group| View::new(&sample.means(), &sample.counts, group, None))
             .collect();
         if !views.iter().all(|view| view.unit > 0.0 && view.unit.is_finite()) {
-            return Ok(plain(Status::Constant, "all estimates are 0"));
+            return plain(Status::Constant, "all estimates are 0");
         }
         let missing = missing(&sample, &views[..GROUPS]);
         let mut notes = Vec::new();
@@ -177,7 +187,24 @@ impl Guard {
         let (judgement, errors) =
             judge(&changes, &weights, names.map(str::to_owned).collect(), notes);
         let learnt = Learnt { corrections, weights, errors, unit, counts };
-        Ok(FittedGuard { experts, learnt: Ok(learnt), judgement })
+        FittedGuard { experts, learnt: Ok(learnt), judgement }
+    }
+}
+
+/// A guard that takes its sample of strips as they come.
+struct Learning<'a> {
+    guard: &'a Guard,
+    sample: Sample,
+}
+
+impl<'a> Fit<'a> for Learning<'a> {
+    fn add(&mut self, strip: &SequenceBatch) -> Result<(), Error> {
+        self.sample.add(strip);
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<Box<dyn Fitted + 'a>, Error> {
+        Ok(Box::new(self.guard.learn(self.sample)))
     }
 }
 
@@ -268,6 +295,10 @@ impl Transform for Guard {
 
     fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
         Ok(Box::new(self.measure(strips)?))
+    }
+
+    fn start(&self) -> Option<Box<dyn Fit<'_> + '_>> {
+        Some(Box::new(Learning { guard: self, sample: Sample::default() }))
     }
 }
 
