@@ -47,7 +47,7 @@ pub use mlp::{Instructions, MlpCpu};
 pub use network::{Builtin, Layer, Metadata, Network};
 pub(crate) use sequence::sum_in_order;
 pub use sequence::{
-    Extent, FOLDS, Grid, Keep, LANES_PER_BLOCK, LaneSums, Merging, SequenceBatch, Side, Strips,
-    Whole, fold_count, root,
+    Extent, FOLDS, Grid, Keep, LANES_PER_BLOCK, LaneSums, Merging, Power, PowerSums, SequenceBatch,
+    Side, Strips, Whole, fold_count, root,
 };
 pub use transform::{Estimates, Fitted, Identity, Requirements, Status, Support, Transform};
