@@ -4,8 +4,7 @@
 //! Σ s_f samples: it is the mean of the files' terms with the weights w_f = s_f / Σ s. The
 //! folds are merged in the same way, and stay means of disjoint subsets. The variance of
 //! the merged mean is Σ w_f² V_f, as the files are independent. Power means are merged as means
-//! of the powers. Numbers of skipped samples
-//! are added.
+//! of powers. Numbers of skipped samples are added.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
