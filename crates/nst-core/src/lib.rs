@@ -39,12 +39,14 @@ pub mod metrics;
 mod mlp;
 mod network;
 pub mod random;
+mod sample_mlp;
 mod sequence;
 mod transform;
 
 pub use error::Error;
 pub use mlp::{Instructions, MlpCpu};
-pub use network::{Builtin, Layer, Metadata, Network};
+pub use network::{Builtin, Layer, Metadata, Network, SampleForm, SampleNetwork, Weights};
+pub use sample_mlp::SampleMlp;
 pub(crate) use sequence::sum_in_order;
 pub use sequence::{
     Extent, FOLDS, Grid, Keep, LANES_PER_BLOCK, LaneSums, Merging, Power, PowerSums, SequenceBatch,

@@ -1,6 +1,6 @@
 //! What an expert sees of the lanes: statistics of their samples, without those held out.
 
-use crate::{Error, Estimates, SequenceBatch, Side, Support, Transform};
+use crate::{Error, Estimates, Power, SequenceBatch, Side, Support, Transform};
 
 /// Means over some of the samples of each lane. Where a group of folds is held out, nothing
 /// of its samples is in any of these numbers.
@@ -17,6 +17,9 @@ pub struct Seen<'a> {
     pub root: &'a [f32],
     /// The mean of the squares, `[lane]`.
     pub square: &'a [f32],
+    /// The [power means](Power) M_p of further powers that experts [need](Expert::powers), each
+    /// `[lane]`; none that the batch does not have.
+    pub further: &'a [(Power, Vec<f32>)],
 }
 
 impl Seen<'_> {
@@ -35,6 +38,12 @@ impl Seen<'_> {
 pub trait Expert: Send + Sync {
     /// What to call it.
     fn name(&self) -> &str;
+
+    /// The powers of the samples whose means it needs, beside those that every batch has: ½, 1
+    /// and 2, which may be among them.
+    fn powers(&self) -> &[Power] {
+        &[]
+    }
 
     /// Writes an estimate of each lane. What is not finite counts as the plain estimate.
     ///

@@ -77,7 +77,7 @@ impl View {
     /// What an expert sees.
     pub(super) fn seen(&self) -> Seen<'_> {
         let Self { samples, unit, mean, root, square } = self;
-        Seen { samples: *samples, unit: *unit, mean, root, square }
+        Seen { samples: *samples, unit: *unit, mean, root, square, further: &[] }
     }
 
     pub(super) fn numbers(&self, lane: usize) -> Numbers {

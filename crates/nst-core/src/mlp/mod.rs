@@ -12,6 +12,7 @@ use std::{
 };
 
 use ndarray::ArrayView2;
+use rayon::prelude::*;
 
 use crate::{
     Error, Estimates, Fitted, Network, Requirements, SequenceBatch, Status, Strips, Transform,
@@ -86,6 +87,20 @@ impl MlpCpu {
         self.evaluate(window, Selection::From(0), &mut tile, out);
     }
 
+    /// Evaluates all lanes of inputs `[input][lane]`, also where they are constant.
+    pub(crate) fn evaluate_all(&self, inputs: ArrayView2<'_, f32>, out: &mut [f32]) {
+        let job = self.job();
+        out.par_chunks_mut(job).enumerate().for_each_init(
+            || Tile::new(&self.packed, self.window(), TILE),
+            |tile, (i, out)| self.evaluate(inputs, Selection::From(i * job), tile, out),
+        );
+    }
+
+    /// Lanes that a thread fetches at a time: whole tiles.
+    fn job(&self) -> usize {
+        TILE * (JOB / self.network.flops_per_lane()).div_ceil(TILE).clamp(1, 64)
+    }
+
     /// Evaluates as many lanes of `selection` as `out` has room for, tile by tile.
     fn evaluate(
         &self,
@@ -143,7 +158,7 @@ impl Fitted for MlpCpu {
             out.fall_back(batch, Status::TooShort);
             return Ok(());
         };
-        let job = TILE * (JOB / self.network.flops_per_lane()).div_ceil(TILE).clamp(1, 64);
+        let job = self.job();
         let (values, status) = out.reset(batch.lanes());
         let jobs = values.len().div_ceil(job);
         let queue = values.chunks_mut(job).zip(status.chunks_mut(job)).enumerate();
