@@ -99,13 +99,17 @@ def transform() -> str:
 
     without = median("none", "wall_seconds")
     lines = []
-    for asked, key, what in (
-        ("none", "wall_seconds", "`--transform none`, the whole process"),
-        ("auto", "wall_seconds", "as it is, the whole process"),
-        ("auto", "transform_seconds", "of it, the transformation"),
-    ):
-        share = 100 * median(asked, key) / without
-        lines.append([what, f"{median(asked, key):.3f}", f"{share:.1f}"])
+    asked = sorted({row["asked"] for row in rows} - {"none"})
+    for name, key, what in [("none", "wall_seconds", "`--transform none`, the whole process")] + [
+        (name, key, what)
+        for name in asked
+        for key, what in (
+            ("wall_seconds", f"`--transform {name}`, the whole process"),
+            ("transform_seconds", "of it, the transformation"),
+        )
+    ]:
+        share = 100 * median(name, key) / without
+        lines.append([what, f"{median(name, key):.3f}", f"{share:.1f}"])
     return table(["`nst render`, Cornell box, 64 spp", "seconds", "%"], lines)
 
 

@@ -128,13 +128,16 @@ pub enum Status {
     Clamped,
     /// The batch lacks the fold means that the method reads.
     NoFolds,
+    /// An expert that others were weighed with has failed.
+    ExpertFailed,
 }
 
-/// One estimate and one [`Status`] per lane.
+/// One estimate and one [`Status`] per lane, and an error where the method estimates it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Estimates {
     values: Vec<f32>,
     status: Vec<Status>,
+    errors: Vec<f32>,
 }
 
 impl Estimates {
@@ -148,6 +151,13 @@ impl Estimates {
     #[must_use]
     pub fn status(&self) -> &[Status] {
         &self.status
+    }
+
+    /// The standard errors: the estimated roots of E[(T − I)²], `[lane]`. NaN where they are not
+    /// known; empty if the method estimates none.
+    #[must_use]
+    pub fn errors(&self) -> &[f32] {
+        &self.errors
     }
 
     /// How many lanes have the given status.
@@ -171,6 +181,7 @@ impl Estimates {
         self.values.extend_from_slice(&last);
         self.status.clear();
         self.status.resize(last.len(), status);
+        self.errors.clear();
     }
 
     /// Makes room for `lanes` lanes, all [`Status::Ok`]. Returns the values `[lane]`, which
@@ -179,7 +190,15 @@ impl Estimates {
         self.values.resize(lanes, 0.0);
         self.status.clear();
         self.status.resize(lanes, Status::Ok);
+        self.errors.clear();
         (&mut self.values, &mut self.status)
+    }
+
+    /// As [`reset`](Self::reset); the [errors](Self::errors) come third, all NaN.
+    pub fn reset_with_errors(&mut self, lanes: usize) -> (&mut [f32], &mut [Status], &mut [f32]) {
+        self.reset(lanes);
+        self.errors.resize(lanes, f32::NAN);
+        (&mut self.values, &mut self.status, &mut self.errors)
     }
 }
 

@@ -2,8 +2,11 @@
 
 use std::path::Path;
 
-use nst_core::{SequenceBatch, Side};
-use nst_files::output::{Kind, Name, OutputFile, Outputs, commit};
+use nst_core::{SequenceBatch, Side, guard::Judgement};
+use nst_files::{
+    output::{Kind, Name, OutputFile, Outputs, commit},
+    picture_writer::PictureInfo,
+};
 
 use crate::{args::has_extension, error::Error};
 
@@ -12,6 +15,26 @@ pub(super) fn layers<'a>(batch: &'a SequenceBatch, values: &'a [f32]) -> Vec<(&'
     let mut layers = vec![("", values), ("S", batch.last())];
     layers.extend(batch.side(&Side::Variance).map(|variance| ("Variance", variance)));
     layers
+}
+
+/// What the header of a picture says: the samples behind it, how long they took where that is
+/// known, and what a method that measures its own gain has found.
+pub(super) fn header(
+    samples: u32,
+    render_seconds: Option<f32>,
+    judgement: Option<&Judgement>,
+) -> PictureInfo {
+    let expert = judgement.map(|it| {
+        let experts: Vec<_> = it.experts.iter().map(|(name, w)| format!("{name} {w:.4}")).collect();
+        if experts.is_empty() { "none".to_owned() } else { experts.join(", ") }
+    });
+    PictureInfo {
+        samples_per_pixel: Some(samples),
+        render_seconds,
+        expert,
+        predicted: judgement.map(|it| [it.ratio, it.interval[0], it.interval[1]].map(|x| x as f32)),
+        ..PictureInfo::default()
+    }
 }
 
 /// Where a picture goes. All of it is there at the end, or nothing.

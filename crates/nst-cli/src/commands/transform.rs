@@ -5,17 +5,17 @@ use std::time::{Duration, Instant};
 use nst_core::{Estimates, Grid, SequenceBatch, Side, Strips, Support};
 use nst_files::{
     output::{Name, Outputs},
-    picture_writer::{PictureInfo, PictureWriter},
+    picture_writer::PictureWriter,
     png::PngWriter,
     sequence_file::{SequenceInfo, SequenceReader},
 };
 
-use super::picture_files::PictureFiles;
+use super::picture_files::{PictureFiles, header};
 use crate::{
     adapter::caught,
     args::TransformArgs,
     error::Error,
-    method::{Method, Origin},
+    method::Method,
     progress::Progress,
     summary::{Outcome, Stopwatch, Summary, TimedStrips, timed},
 };
@@ -24,8 +24,7 @@ pub(super) fn run(args: &TransformArgs) -> Result<Summary, Error> {
     let mut watch = Stopwatch::start();
     let mut reader = timed(&mut watch.io, || SequenceReader::open(&args.sequence))?;
     let info = reader.info().clone();
-    let origin = Origin { scene: &info.scene, sampler: &info.sampler, counts: &info.sample_counts };
-    let method = Method::resolve(&args.method, origin)?;
+    let method = Method::resolve(&args.method, &info.sampler)?;
     let advice = format!(
         "store more of them in '{}' with 'nst render --keep all', or use --transform none",
         args.sequence.display()
@@ -35,7 +34,7 @@ pub(super) fn run(args: &TransformArgs) -> Result<Summary, Error> {
         reader = reader.with_strip_rows(info.size[1]);
     }
 
-    let mut outputs = Outputs::of_inputs([&args.sequence].into_iter().chain(&args.method.weights));
+    let mut outputs = Outputs::of_inputs([&args.sequence].into_iter().chain(args.method.files()));
     let default = args.sequence.with_extension("nst.exr");
     let (path, name) = match &args.output {
         Some(path) => (path, Name::Given),
@@ -68,11 +67,8 @@ fn write(
     let mut layers = vec!["", "S"];
     let variance = info.sides.contains(&Side::Variance);
     layers.extend(variance.then_some("Variance"));
-    let about = PictureInfo {
-        samples_per_pixel: Some(info.samples()),
-        render_seconds: Some(info.render_seconds).filter(|&seconds| seconds > 0.0),
-        ..PictureInfo::default()
-    };
+    let seconds = Some(info.render_seconds).filter(|&seconds| seconds > 0.0);
+    let about = header(info.samples(), seconds, fitted.judgement());
     let exr = files.exr.as_mut();
     let mut exr = exr
         .map(|exr| PictureWriter::create(exr, info.size, info.model, &layers, &about))

@@ -171,6 +171,32 @@ fn predicts_its_gain() {
     assert!(10 * inside >= 9 * count, "{inside} of {count}");
 }
 
+/// The standard errors of estimates are those that they have, within a factor of 1.5 in the mean
+/// square, for dark lanes as for bright ones.
+#[test]
+fn knows_its_errors() {
+    for (kind, integrand) in [visibility, smooth].into_iter().enumerate() {
+        for n in [8, 64] {
+            let lanes = Lanes::new(integrand, 6000, n, 40);
+            let mut out = Estimates::default();
+            Guard::default().transform(&lanes.batch, &mut out).expect("a batch");
+            let mut order: Vec<usize> = (0..6000).collect();
+            order.sort_by(|&a, &b| lanes.truth[a].total_cmp(&lanes.truth[b]));
+            for part in order.chunks(2000) {
+                let mean = |of_lane: &dyn Fn(usize) -> f64| -> f64 {
+                    part.iter().map(|&lane| of_lane(lane)).sum::<f64>() / part.len() as f64
+                };
+                let squares = |values: &[f32]| {
+                    mean(&|lane| (f64::from(values[lane]) - lanes.truth[lane]).powi(2))
+                };
+                let estimated = mean(&|lane| f64::from(out.errors()[lane]).powi(2));
+                let ratio = estimated / squares(out.values());
+                assert!((1.0 / 1.5..1.5).contains(&ratio), "integrand {kind}, {n}: {ratio}");
+            }
+        }
+    }
+}
+
 /// A unit changes no bit, if it is a power of two.
 #[test]
 fn has_no_unit() {
@@ -290,6 +316,36 @@ fn an_expert_that_fails_is_left_out() {
     let (ratio, judgement) = lanes.ratio(&with(Fails));
     assert_eq!((ratio, judgement.experts.len()), (alone, CORRECTIONS.len()));
     assert!(judgement.notes[0].contains("'fails' is left out: "), "{judgement:?}");
+}
+
+/// One that fails when the estimates are made leaves S, and the lanes say so.
+#[test]
+fn an_expert_that_fails_late_leaves_the_plain_estimates() {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    let lanes = Lanes::new(visibility, 3000, 8, 6);
+    let (calls, known) = (AtomicUsize::new(0), lanes.truth.clone());
+    let breaks = move |seen: &Seen<'_>, out: &mut [f32]| {
+        if calls.fetch_add(1, Ordering::Relaxed) > GROUPS {
+            return Err(Error::Batch("it broke down".into()));
+        }
+        out.iter_mut().zip(&known).for_each(|(out, truth)| *out = *truth as f32);
+        assert_eq!(seen.mean.len(), known.len());
+        Ok(())
+    };
+    struct Breaks<F>(F);
+    impl<F: Fn(&Seen<'_>, &mut [f32]) -> Result<(), Error> + Send + Sync> Expert for Breaks<F> {
+        fn name(&self) -> &str {
+            "breaks"
+        }
+
+        fn estimate(&self, seen: &Seen<'_>, out: &mut [f32]) -> Result<(), Error> {
+            (self.0)(seen, out)
+        }
+    }
+    let mut out = Estimates::default();
+    with(Breaks(breaks)).transform(&lanes.batch, &mut out).expect("no error");
+    assert_eq!(out.values(), lanes.batch.last());
+    assert_eq!(out.count(Status::ExpertFailed), 3000);
 }
 
 /// Pictures of 16 samples each that were packed count as one sample each: the estimates are

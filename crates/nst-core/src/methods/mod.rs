@@ -55,7 +55,10 @@ pub const METHODS: &[(&str, &str)] = &[
     ("median-of-means", "the median of the means of the four folds"),
     ("gmon", "between the mean and the median of means, by the Gini coefficient"),
     ("reweight", "folds with outliers get less weight"),
-    ("guard", "corrections that samples held out support, learnt from the picture itself"),
+    (
+        "auto",
+        "the guard: a blend of the plain estimates with experts, as far as samples held out support it",
+    ),
     ("ridge", "a regression on the folds, fitted on the picture itself"),
 ];
 
@@ -67,7 +70,7 @@ pub fn method(name: &str) -> Option<Box<dyn Transform>> {
         "median-of-means" => Box::new(MedianOfMeans),
         "gmon" => Box::new(Gmon),
         "reweight" => Box::new(Reweight),
-        "guard" => Box::new(Guard::default()),
+        "auto" => Box::new(Guard::default()),
         "ridge" => Box::new(Ridge),
         _ => Box::new(extrapolation(name)?),
     })

@@ -10,20 +10,19 @@ use nst_files::{
     png,
     sequence_file::{ResumeInfo, SequenceInfo, SequenceWriter},
 };
-use nst_render::{Control, RenderSettings, Rendering, SamplerKind, Scene, render_from};
+use nst_render::{Control, RenderSettings, Rendering, Scene, render_from};
 
 use super::{
-    advice::options_with_a_network,
     describe, load_scene, outputs, paths, progress,
     resume::{self, Resumed, Start},
     settings,
 };
 use crate::{
     args::{KeepArg, RenderArgs},
-    commands::picture_files::{PictureFiles, layers},
+    commands::picture_files::{PictureFiles, header, layers},
     error::Error,
     interrupt,
-    method::{Method, Origin},
+    method::Method,
     progress::Progress,
     report::{Done, say},
     summary::{Outcome, RenderStats, Stopwatch, timed},
@@ -34,7 +33,6 @@ struct Job<'a> {
     args: &'a RenderArgs,
     scene: Scene,
     fingerprint: String,
-    sampler: SamplerKind,
 }
 
 pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
@@ -46,8 +44,8 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
         None => args.sampler.map_or_else(Default::default, Into::into),
         Some(resumed) => resumed.sampler,
     };
-    let job = Job { args, fingerprint: scene.fingerprint(), scene, sampler };
-    let method = job.method(args.spp)?;
+    let job = Job { args, fingerprint: scene.fingerprint(), scene };
+    let method = Method::resolve(&args.method, &sampler.to_string())?;
     let advice =
         format!("use --spp {} or more, or --transform none", method.transform.requires().window);
     method.check_terms(args.spp as usize, &advice)?;
@@ -105,18 +103,6 @@ fn same(a: &Path, b: &PathBuf) -> bool {
 }
 
 impl Job<'_> {
-    /// The method for this many samples per pixel.
-    fn method(&self, spp: u32) -> Result<Method, Error> {
-        let (scene, sampler) = (self.fingerprint.as_str(), self.sampler.to_string());
-        let origin = Origin { scene, sampler: &sampler, counts: &[spp] };
-        let mut method = Method::resolve(&self.args.method, origin)?;
-        // What is continued keeps its options.
-        if self.args.resume.is_none() {
-            method.advise(|| options_with_a_network(&self.scene));
-        }
-        Ok(method)
-    }
-
     fn render(
         &self,
         mut watch: Stopwatch,
@@ -143,17 +129,13 @@ impl Job<'_> {
             .into_iter()
             .for_each(|path| written.push(path));
         let samples = *rendering.batch.sample_counts().last().expect("a rendering has a term");
-        // For fewer samples than planned, `auto` may choose another network, or none.
-        let method = if samples == args.spp { method } else { self.method(samples)? };
         let mut estimates = Estimates::default();
         let transformed =
             timed(&mut watch.transform, || method.transform(&rendering.batch, &mut estimates));
         let values = transformed.as_ref().map_or(rendering.batch.last(), |_| estimates.values());
-        let info = PictureInfo {
-            samples_per_pixel: Some(samples),
-            render_seconds: Some(spent + rendering.time.as_secs_f32()),
-            ..PictureInfo::default()
-        };
+        let seconds = spent + rendering.time.as_secs_f32();
+        let judgement = transformed.as_ref().ok().and_then(Option::as_ref);
+        let info = header(samples, Some(seconds), judgement);
         let pictures = || write(scene.size, picture, &rendering.batch, values, &info);
         written.extend(timed(&mut watch.io, pictures)?);
         let judgement = transformed.map_err(|why| {

@@ -23,8 +23,6 @@ pub(super) enum Source {
         sampler: SamplerKind,
         /// The seed of the first run.
         seed: u64,
-        /// Sample counts of the runs.
-        spp: Vec<u32>,
     },
     /// Each file is a run at its own sample count.
     Files(Vec<File>),
@@ -33,8 +31,6 @@ pub(super) enum Source {
 /// A sequence file, of which the header was read.
 pub(super) struct File {
     path: PathBuf,
-    /// The samples of its terms.
-    counts: Vec<u32>,
     pub(super) spp: u32,
     /// Among the files of its sample count.
     pub(super) run: u32,
@@ -122,7 +118,7 @@ impl Source {
                     path.display()
                 )));
             }
-            files.push(File { path: path.clone(), counts: info.sample_counts, spp, run, seed });
+            files.push(File { path: path.clone(), spp, run, seed });
         }
         let (_, origin) = first.expect("the command line asks for one");
         Ok((Self::Files(files), origin))
@@ -149,18 +145,6 @@ impl Source {
             })
             .filter(|(_, runs): &(u32, Vec<u32>)| !runs.is_empty())
             .collect()
-    }
-
-    /// The samples of the terms of a run, for each sample count.
-    pub(super) fn counts(&self) -> Vec<Vec<u32>> {
-        let mut counts: Vec<Vec<u32>> = match self {
-            // The last terms are one sample apart.
-            Self::Scene { spp, .. } => spp.iter().map(|&spp| vec![spp]).collect(),
-            Self::Files(files) => files.iter().map(|file| file.counts.clone()).collect(),
-        };
-        counts.sort_by_key(|counts| counts.last().copied());
-        counts.dedup_by_key(|counts| counts.last().copied());
-        counts
     }
 
     /// Whether [`Self::run`] has a run.
