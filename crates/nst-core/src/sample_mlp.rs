@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use crate::gpu::{Gpu, MlpGpu};
 use crate::{
     Error, MlpCpu, Power, SampleNetwork,
-    guard::{Expert, Seen},
+    guard::{Expert, Features, Seen},
 };
 
 /// Lanes whose inputs are in memory at a time, at most 1 MiB for each input.
@@ -26,6 +26,15 @@ pub struct SampleMlp {
     name: String,
     network: SampleNetwork,
     layers: Layers,
+    refit: Option<Refit>,
+}
+
+/// What the guard needs to fit the last layer again.
+#[derive(Debug)]
+struct Refit {
+    mlp: MlpCpu,
+    /// Weights and bias of the last layer.
+    coefficients: Vec<f32>,
 }
 
 #[derive(Debug)]
@@ -40,7 +49,7 @@ impl SampleMlp {
     #[must_use]
     pub fn new(name: impl Into<String>, network: SampleNetwork) -> Self {
         let layers = Layers::Cpu(MlpCpu::new(network.layers().clone()));
-        Self { name: name.into(), network, layers }
+        Self { name: name.into(), network, layers, refit: None }
     }
 
     /// An expert of this name, with layers on a GPU. If the GPU fails later, so does
@@ -55,13 +64,27 @@ impl SampleMlp {
         gpu: Gpu,
     ) -> Result<Self, Error> {
         let layers = Layers::Gpu(MlpGpu::new(gpu, network.layers().clone())?);
-        Ok(Self { name: name.into(), network, layers })
+        Ok(Self { name: name.into(), network, layers, refit: None })
+    }
+
+    /// Lets the guard fit the last layer again, to the very batch, as one more expert. Other
+    /// layers of that are on the CPU.
+    #[must_use]
+    pub fn with_refit(self) -> Self {
+        let mlp = MlpCpu::new(self.network.layers().clone());
+        let last = self.network.layers().layers().last().expect("a network has layers");
+        let coefficients = last.weight.iter().chain(&last.bias).copied().collect();
+        Self { refit: Some(Refit { mlp, coefficients }), ..self }
     }
 
     /// The network.
     #[must_use]
     pub fn network(&self) -> &SampleNetwork {
         &self.network
+    }
+
+    fn means<'a>(&self, seen: &Seen<'a>) -> Result<Vec<Means<'a>>, Error> {
+        self.network.form().powers.iter().map(|&power| Means::new(seen, power)).collect()
     }
 
     /// The inputs of some lanes, `[input][lane]`.
@@ -92,9 +115,12 @@ impl Expert for SampleMlp {
         &self.network.form().powers
     }
 
+    fn adapts(&self) -> Option<&dyn Features> {
+        self.refit.as_ref().map(|_| self as &dyn Features)
+    }
+
     fn estimate(&self, seen: &Seen<'_>, out: &mut [f32]) -> Result<(), Error> {
-        let powers = self.network.form().powers.iter();
-        let means = powers.map(|&power| Means::new(seen, power)).collect::<Result<Vec<_>, _>>()?;
+        let means = self.means(seen)?;
         for (chunk, out) in out.chunks_mut(CHUNK).enumerate() {
             let first = chunk * CHUNK;
             let inputs = self.inputs(seen, &means, first, out.len());
@@ -105,13 +131,44 @@ impl Expert for SampleMlp {
             }
             for (lane, out) in (first..).zip(out) {
                 let plain = seen.mean[lane];
-                let black = [plain, seen.root[lane], seen.square[lane]] == [0.0; 3];
-                let estimate = self.network.estimate(plain.into(), seen.unit, (*out).into()) as f32;
-                *out = if black || !estimate.is_finite() { plain } else { estimate };
+                let change = self.network.scale(plain.into(), seen.unit) * f64::from(*out);
+                let estimate = (f64::from(plain) + change) as f32;
+                let kept = is_black(seen, lane) || !estimate.is_finite();
+                *out = if kept { plain } else { estimate };
             }
         }
         Ok(())
     }
+}
+
+impl Features for SampleMlp {
+    fn coefficients(&self) -> &[f32] {
+        self.refit.as_ref().map_or(&[], |refit| &refit.coefficients)
+    }
+
+    /// The last hidden layer and 1, times what an output of 1 adds to S.
+    fn features(&self, seen: &Seen<'_>, out: &mut [f32]) -> Result<(), Error> {
+        let (Some(refit), means) = (&self.refit, self.means(seen)?) else { return Ok(()) };
+        let width = refit.coefficients.len();
+        for (chunk, out) in out.chunks_mut(CHUNK * width).enumerate() {
+            let first = chunk * CHUNK;
+            let lanes = out.len() / width;
+            let hidden = refit.mlp.hidden(self.inputs(seen, &means, first, lanes).view());
+            let rows = out.chunks_exact_mut(width).zip(hidden.chunks_exact(width - 1));
+            for (lane, (row, hidden)) in (first..).zip(rows) {
+                let scale = self.network.scale(seen.mean[lane].into(), seen.unit) as f32;
+                let scale = if is_black(seen, lane) { 0.0 } else { scale };
+                let features = hidden.iter().chain(&[1.0]);
+                row.iter_mut().zip(features).for_each(|(x, feature)| *x = scale * feature);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether all samples of a lane were 0.
+fn is_black(seen: &Seen<'_>, lane: usize) -> bool {
+    [seen.mean[lane], seen.root[lane], seen.square[lane]] == [0.0; 3]
 }
 
 /// The means of a power of the samples, `[lane]`.

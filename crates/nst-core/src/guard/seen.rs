@@ -45,11 +45,30 @@ pub trait Expert: Send + Sync {
         &[]
     }
 
+    /// Its features, if the guard is to fit their coefficients again, to the very batch: as one
+    /// more expert.
+    fn adapts(&self) -> Option<&dyn Features> {
+        None
+    }
+
     /// Writes an estimate of each lane. What is not finite counts as the plain estimate.
     ///
     /// # Errors
     /// What concerns all lanes, such as a lost GPU; the guard then goes on without it.
     fn estimate(&self, seen: &Seen<'_>, out: &mut [f32]) -> Result<(), Error>;
+}
+
+/// Numbers of a lane, of which an expert's change of the plain estimate is a linear function:
+/// those of a network's last hidden layer.
+pub trait Features: Send + Sync {
+    /// The coefficients of the expert's own change.
+    fn coefficients(&self) -> &[f32];
+
+    /// Writes the features, `[lane][feature]`; as for estimates, from what is seen alone.
+    ///
+    /// # Errors
+    /// As for [`Expert::estimate`].
+    fn features(&self, seen: &Seen<'_>, out: &mut [f32]) -> Result<(), Error>;
 }
 
 /// A [`Transform`] that looks at the plain estimate of each lane, and perhaps its variance.

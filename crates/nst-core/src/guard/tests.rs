@@ -28,6 +28,19 @@ fn fireflies(a: f64, b: f64, u: f64) -> f64 {
     (0.5 + a) * (1.0 + if u < 0.02 { 100.0 * b } else { 0.0 })
 }
 
+/// A Gaussian density on [0, 1] with a mean and a deviation from 0.1 to 0.3, as a network in
+/// the crate was trained on.
+fn gaussian(a: f64, b: f64, u: f64) -> f64 {
+    let deviation = 0.1 + 0.2 * b;
+    let z = (u - (0.1 + 0.2 * a)) / deviation;
+    (-0.5 * z * z).exp() / (deviation * std::f64::consts::TAU.sqrt())
+}
+
+/// The same, a quarter of it or four times it: in one batch, no network has seen it.
+fn scaled_gaussian(a: f64, b: f64, u: f64) -> f64 {
+    4.0_f64.powi((3.0 * (7.0 * a).fract()) as i32 - 1) * gaussian(a, b, u)
+}
+
 const INTEGRANDS: [Integrand; 3] = [visibility, smooth, fireflies];
 
 impl Lanes {
@@ -46,7 +59,9 @@ impl Lanes {
             let steps = (0..STEPS).map(|i| sample(lane, (f64::from(i) + 0.5) / f64::from(STEPS)));
             steps.sum::<f64>() / f64::from(STEPS)
         };
-        let batch = SequenceBatch::from_samples(lanes, &samples).expect("samples of all lanes");
+        let powers: Vec<Power> = Power::all().collect();
+        let batch = SequenceBatch::from_samples_with(lanes, &samples, &powers);
+        let batch = batch.expect("samples of all lanes");
         Self { truth: (0..lanes).map(of_lane).collect(), batch }
     }
 
@@ -82,6 +97,34 @@ impl<F: Fn(usize, &Seen<'_>) -> f64 + Send + Sync> Expert for By<F> {
 
 fn with(expert: impl Expert + 'static) -> Guard {
     Guard::new(vec![Box::new(expert)]).expect("one expert")
+}
+
+fn of_samples(name: &str) -> crate::SampleMlp {
+    let network = crate::SampleNetwork::builtin(name).expect("it is in the crate");
+    crate::SampleMlp::new(name, network.expect("it is readable"))
+}
+
+/// The network gives what it has learnt; it is out of its depth with others' integrals and with
+/// more samples, and then the guard keeps it out, or fits its last layer again.
+#[test]
+fn networks_that_see_samples() {
+    let network = || of_samples("gaussian-samples");
+    let guards = [Guard::default(), with(network()), with(network().with_refit())];
+    for (integrand, n) in [
+        (gaussian as Integrand, 8),
+        (gaussian, 64),
+        (gaussian, 1024),
+        (scaled_gaussian, 8),
+        (scaled_gaussian, 64),
+        (visibility, 8),
+        (visibility, 64),
+        (smooth, 64),
+        (fireflies, 64),
+    ] {
+        let lanes = Lanes::new(integrand, 6000, n, 1);
+        let ratios = guards.each_ref().map(|guard| lanes.ratio(guard).0);
+        eprintln!("{n} {ratios:?} {:?}", lanes.ratio(&guards[2]).1.experts);
+    }
 }
 
 /// Where there is something to be learnt it is learnt, from the batch alone; nowhere is T
@@ -220,7 +263,7 @@ fn has_no_unit() {
 #[test]
 fn strips_make_no_difference() -> Result<(), Error> {
     let check = |batch: &SequenceBatch, steps: &[usize]| -> Result<(), Error> {
-        let guard = Guard::default();
+        let guard = with(of_samples("step-samples").with_refit());
         let whole = guard.measure(&mut crate::Whole::new(batch))?;
         for &step in steps {
             let cut = guard.measure(&mut Cut { batch, step, next: 0 })?;

@@ -96,6 +96,39 @@ impl MlpCpu {
         );
     }
 
+    /// The activations of the last hidden layer for all lanes of inputs `[input][lane]`, as
+    /// `[lane][neuron]`.
+    pub(crate) fn hidden(&self, inputs: ArrayView2<'_, f32>) -> Vec<f32> {
+        let neurons = self.network.layers().last().expect("a network has layers").inputs();
+        let (panel, width) = (self.panel(), self.packed.last_width(self.window()));
+        let mut hidden = vec![0.0; inputs.ncols() * neurons];
+        hidden.par_chunks_mut(TILE * neurons).enumerate().for_each_init(
+            || Tile::new(&self.packed, self.window(), TILE),
+            |tile, (i, hidden)| {
+                let mut out = [0.0; TILE];
+                let count = hidden.len() / neurons;
+                self.evaluate_tile(inputs, Selection::From(0), i * TILE, tile, &mut out[..count]);
+                for (lane, hidden) in hidden.chunks_exact_mut(neurons).enumerate() {
+                    let of_panel = &tile.hidden()[lane / panel * width * panel..];
+                    let activations = of_panel.iter().skip(lane % panel).step_by(panel);
+                    hidden.iter_mut().zip(activations).for_each(|(h, &activation)| *h = activation);
+                }
+            },
+        );
+        hidden
+    }
+
+    /// Lanes per panel of a tile.
+    fn panel(&self) -> usize {
+        match self.instructions {
+            Instructions::Portable => panel::<Four>(),
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx2 => panel::<Eight>(),
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx512 => panel::<Sixteen>(),
+        }
+    }
+
     /// Lanes that a thread fetches at a time: whole tiles.
     fn job(&self) -> usize {
         TILE * (JOB / self.network.flops_per_lane()).div_ceil(TILE).clamp(1, 64)

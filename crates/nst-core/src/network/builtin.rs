@@ -32,12 +32,8 @@ const BUILTIN: &[(&str, &[u8])] = &builtin!(
 );
 
 /// Those that see samples.
-const OF_SAMPLES: &[(&str, &[u8])] = &builtin!(
-    "families-samples",
-    "gaussian-samples",
-    "step-samples",
-    "gaussian-step-samples",
-);
+const OF_SAMPLES: &[(&str, &[u8])] =
+    &builtin!("families-samples", "gaussian-samples", "step-samples", "gaussian-step-samples",);
 
 /// A network inside the crate, whose file has not been read yet.
 #[derive(Clone, Copy, Debug)]

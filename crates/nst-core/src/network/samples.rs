@@ -128,9 +128,9 @@ impl SampleNetwork {
         (out[count], out[count + 1]) = (k.ln() as f32, k.recip() as f32);
     }
 
-    /// T of S and the network's output.
-    pub(crate) fn estimate(&self, plain: f64, unit: f64, output: f64) -> f64 {
+    /// s, what an output of 1 adds to S.
+    pub(crate) fn scale(&self, plain: f64, unit: f64) -> f64 {
         let SampleForm { scale_estimate, scale_unit, .. } = self.form;
-        plain + (scale_estimate * plain.abs() + scale_unit * unit) * output
+        scale_estimate * plain.abs() + scale_unit * unit
     }
 }
