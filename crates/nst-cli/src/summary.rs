@@ -59,7 +59,7 @@ struct Expert {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Outcome {
     /// What the method says of its own gain, if it measures it.
-    judgement: Option<Judgement>,
+    pub(crate) judgement: Option<Judgement>,
     lanes: usize,
     skipped: usize,
     fallen_back: usize,

@@ -1,11 +1,13 @@
 //! The files of a picture: EXR and PNG, or PNG alone.
 
-use std::path::Path;
+use std::{borrow::Cow, path::Path};
 
 use nst_core::{SequenceBatch, Side, guard::Judgement};
 use nst_files::{
+    ColorModel,
     output::{Kind, Name, OutputFile, Outputs, commit},
-    picture_writer::PictureInfo,
+    picture_writer::{PictureInfo, PictureWriter},
+    png::PngWriter,
 };
 
 use crate::{args::has_extension, error::Error};
@@ -40,8 +42,8 @@ pub(super) fn header(
 /// Where a picture goes. All of it is there at the end, or nothing.
 pub(super) struct PictureFiles {
     /// Left out if the user asked for a PNG.
-    pub(super) exr: Option<OutputFile>,
-    pub(super) png: OutputFile,
+    exr: Option<OutputFile>,
+    png: OutputFile,
 }
 
 impl PictureFiles {
@@ -56,11 +58,64 @@ impl PictureFiles {
         Ok(Self { exr: Some(exr), png })
     }
 
+    /// Begins to write. The EXR has the layers `S`, `Variance` if there is that side channel, and
+    /// `StdError` if errors are estimated.
+    pub(super) fn begin(
+        &mut self,
+        size: [u32; 2],
+        model: ColorModel,
+        sides: &[Side],
+        errors: bool,
+        info: &PictureInfo,
+    ) -> Result<PictureRows<'_>, Error> {
+        let mut layers = vec!["", "S"];
+        layers.extend(sides.contains(&Side::Variance).then_some("Variance"));
+        layers.extend(errors.then_some("StdError"));
+        let exr = self.exr.as_mut();
+        let exr = exr.map(|exr| PictureWriter::create(exr, size, model, &layers, info));
+        let png = PngWriter::create(&mut self.png, size)?;
+        Ok(PictureRows { exr: exr.transpose()?, png, channels: model.channels().len() })
+    }
+
     /// Puts the files in their places; returns their paths.
     pub(super) fn commit(self) -> Result<Vec<String>, Error> {
         let files: Vec<_> = self.exr.into_iter().chain([self.png]).collect();
         let paths = files.iter().map(|file| file.path().display().to_string()).collect();
         commit(files)?;
         Ok(paths)
+    }
+}
+
+/// The files of a picture while they are written, some rows at a time.
+pub(super) struct PictureRows<'a> {
+    exr: Option<PictureWriter<'a>>,
+    png: PngWriter<'a>,
+    channels: usize,
+}
+
+impl PictureRows<'_> {
+    /// Writes a strip, without its halo, its estimates, and their errors if there are any.
+    pub(super) fn push(
+        &mut self,
+        strip: &SequenceBatch,
+        values: &[f32],
+        errors: Option<&[f32]>,
+    ) -> Result<(), Error> {
+        let inner = |lanes| strip.grid().map_or(Cow::Borrowed(lanes), |grid| grid.inner(lanes));
+        let plain = layers(strip, values).into_iter().skip(1).map(|(_, lanes)| inner(lanes));
+        let plain: Vec<Cow<'_, [f32]>> = plain.collect();
+        let layers = [values].into_iter().chain(plain.iter().map(AsRef::as_ref)).chain(errors);
+        let layers: Vec<&[f32]> = layers.collect();
+        let (exr, png) = rayon::join(
+            || self.exr.as_mut().map_or(Ok(()), |exr| exr.push(&layers)),
+            || self.png.push(values, self.channels),
+        );
+        Ok(exr.and(png)?)
+    }
+
+    /// Completes the files, of which all rows must have been written.
+    pub(super) fn finish(self) -> Result<(), Error> {
+        self.exr.map_or(Ok(()), PictureWriter::finish)?;
+        Ok(self.png.finish()?)
     }
 }

@@ -355,8 +355,13 @@ impl Fitted for FittedGuard<'_> {
         });
         if estimated.is_err() {
             out.fall_back(strip, Status::ExpertFailed);
+            out.errors_unknown();
         }
         Ok(())
+    }
+
+    fn estimates_errors(&self) -> bool {
+        self.learnt.is_ok()
     }
 
     fn judgement(&self) -> Option<&Judgement> {

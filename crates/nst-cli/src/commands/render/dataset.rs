@@ -76,10 +76,10 @@ fn write(
         let seed = settings.seed + u64::from(done);
         let rendering = render_from(None, scene, &RenderSettings { seed, ..*settings }, control)?;
         // A run that Ctrl-C has stopped early is left out.
-        if rendering.batch.sample_counts() != sample_counts {
+        if rendering.sample_counts() != sample_counts {
             break;
         }
-        writer.push(&rendering.batch)?;
+        writer.push(&rendering.batch())?;
         done += 1;
         if interrupt::asked() {
             break;

@@ -173,7 +173,7 @@ impl Source {
                 let control = Control { progress: &|_| {}, stop: &interrupt::asked };
                 let rendering = render_from(None, scene, &settings, control)?;
                 let render_time = Some(rendering.time);
-                Ok(Run { spp, number, seed: Some(seed), batch: rendering.batch, render_time })
+                Ok(Run { spp, number, seed: Some(seed), batch: rendering.batch(), render_time })
             }
             Self::Files(files) => {
                 let file = files.iter().find(|file| file.spp == spp && file.run == number);
