@@ -128,7 +128,7 @@ impl Means {
     }
 }
 
-fn estimate(expert: &SampleMlp, means: &Means) -> Vec<f32> {
+fn estimate_of(expert: &SampleMlp, means: &Means) -> Vec<f32> {
     let mut out = vec![f32::NAN; means.mean.len()];
     expert.estimate(&means.seen(), &mut out).expect("it has all means");
     out
@@ -155,7 +155,7 @@ fn pytorch_fixtures() {
             let means = Means::of(&batch, left_out, &fixture.network.form().powers);
             assert!((means.unit / fixture.units[i] - 1.0).abs() < 1e-6, "{}", fixture.name);
             for expert in fixture.experts() {
-                let values = estimate(&expert, &means);
+                let values = estimate_of(&expert, &means);
                 let error = worst_error(&values, &fixture.outputs[i], &means);
                 let name = format!("{}, {}, {left_out:?}", expert.name(), fixture.name);
                 assert!(error <= TOLERANCE, "{name}: {error:e}");
@@ -177,16 +177,40 @@ fn estimates_have_the_unit_of_the_samples() {
         let means =
             |factor| Means::of(&fixture.batch(factor), None, &fixture.network.form().powers);
         for expert in fixture.experts() {
-            let (plain, values) = (means(1.0), estimate(&expert, &means(1.0)));
+            let (plain, values) = (means(1.0), estimate_of(&expert, &means(1.0)));
             for factor in [0.25, 4.0, 1048576.0] {
                 let scaled: Vec<f32> = values.iter().map(|value| factor * value).collect();
-                assert_eq!(estimate(&expert, &means(factor)), scaled, "{}", fixture.name);
+                assert_eq!(estimate_of(&expert, &means(factor)), scaled, "{}", fixture.name);
             }
-            let scaled = estimate(&expert, &means(1000.0));
+            let scaled = estimate_of(&expert, &means(1000.0));
             let scaled: Vec<f32> = scaled.iter().map(|value| value / 1000.0).collect();
             let values: Vec<f64> = values.into_iter().map(f64::from).collect();
             let error = worst_error(&scaled, &values, &plain);
             assert!(error <= TOLERANCE, "{}: {error:e}", fixture.name);
+        }
+    }
+}
+
+/// With its own coefficients, the features of a network are its change.
+#[test]
+fn features_are_those_of_the_last_layer() {
+    for fixture in Fixture::all() {
+        let means = Means::of(&fixture.batch(1.0), None, &fixture.network.form().powers);
+        for expert in fixture.experts() {
+            assert!(expert.adapts().is_none(), "unless it is asked to");
+            let expert = expert.with_refit();
+            let of = expert.adapts().expect("it was asked to");
+            let coefficients = of.coefficients();
+            let mut features = vec![f32::NAN; fixture.lanes * coefficients.len()];
+            of.features(&means.seen(), &mut features).expect("it has all means");
+            let estimate = |(row, plain): (&[f32], &f32)| {
+                let products = row.iter().zip(coefficients).map(|(x, c)| f64::from(x * c));
+                f64::from(*plain) + products.sum::<f64>()
+            };
+            let rows = features.chunks_exact(coefficients.len()).zip(&means.mean);
+            let by_features: Vec<f64> = rows.map(estimate).collect();
+            let error = worst_error(&estimate_of(&expert, &means), &by_features, &means);
+            assert!(error <= TOLERANCE, "{}, {}: {error:e}", expert.name(), fixture.name);
         }
     }
 }
@@ -197,9 +221,9 @@ fn lanes_are_independent() {
     for fixture in Fixture::all() {
         let means = Means::of(&fixture.batch(1.0), None, &fixture.network.form().powers);
         for expert in fixture.experts() {
-            let all = estimate(&expert, &means);
+            let all = estimate_of(&expert, &means);
             for lanes in [0..1, 3..50, 37..fixture.lanes] {
-                let part = estimate(&expert, &means.part(lanes.clone()));
+                let part = estimate_of(&expert, &means.part(lanes.clone()));
                 assert_eq!(part, all[lanes], "{}, {}", expert.name(), fixture.name);
             }
         }
@@ -222,7 +246,7 @@ fn lanes_that_are_not_finite_keep_s() {
         }
         damaged.mean[5] = nan;
         for expert in fixture.experts() {
-            let [before, after] = [&means, &damaged].map(|means| estimate(&expert, means));
+            let [before, after] = [&means, &damaged].map(|means| estimate_of(&expert, means));
             for lane in 0..fixture.lanes {
                 match lane {
                     3 | 4 => assert_eq!(after[lane], means.mean[lane], "{}", fixture.name),

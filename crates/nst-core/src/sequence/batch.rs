@@ -5,11 +5,7 @@ use std::collections::BTreeMap;
 use ndarray::{Array2, ArrayView2, s};
 use rayon::prelude::*;
 
-<<<<<<< HEAD
-use super::{Extent, FOLDS, Grid, LaneSums, Power, PowerSums, Side, fold_count};
-=======
-use super::{Extent, Grid, LANES_PER_BLOCK, LaneSums, Side};
->>>>>>> main
+use super::{Extent, FOLDS, Grid, LANES_PER_BLOCK, LaneSums, Power, PowerSums, Side};
 use crate::Error;
 
 /// Progressive estimates of many independent integrals.

@@ -127,6 +127,15 @@ impl PowerSums {
         }
     }
 
+    /// Appends the lanes of others.
+    ///
+    /// # Panics
+    /// If these have other powers.
+    pub fn append(&mut self, others: &Self) {
+        assert_eq!(self.powers, others.powers, "sums of other powers");
+        self.sums.extend_from_slice(&others.sums);
+    }
+
     /// The powers, ascending.
     #[must_use]
     pub fn powers(&self) -> &[Power] {
@@ -173,6 +182,9 @@ mod tests {
             sums.add(1, index, y);
         }
         assert_eq!(sums.powers(), [fourth]);
+        let mut both = PowerSums::new(&[fourth], 1);
+        both.append(&sums);
+        assert_eq!(both.means(0, 2, 5), [0.0, 0.0, 3.0]);
         assert_eq!(sums.means(0, 0, 5), [0.0, 8.5_f64.powf(0.25) as f32]);
         assert_eq!(sums.means(0, 2, 5), [0.0, 3.0]);
     }
