@@ -204,7 +204,8 @@ impl Guard {
             let changes: Result<Vec<_>, _> =
                 views.iter().map(|view| change(expert, view)).collect();
             let features = expert.adapts().map(|of| {
-                let of_views = views.iter().map(|view| refit::features(of, view));
+                let of_view = |(group, view)| refit::features(of, view, group == GROUPS);
+                let of_views = views.iter().enumerate().map(of_view);
                 of_views.collect::<Result<Vec<_>, _>>().map(|of_views| (expert, of, of_views))
             });
             match changes.and_then(|changes| Ok((changes, features.transpose()?))) {

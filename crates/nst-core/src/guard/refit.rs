@@ -13,7 +13,7 @@
 use rayon::prelude::*;
 
 use super::{
-    sample::Sample,
+    sample::{SHARE, Sample},
     seen::{Expert, Features},
     table::PIXELS_PER_TASK,
     view::{Lanes, View},
@@ -92,20 +92,29 @@ impl<'a> Refit<'a> {
         rows.enumerate().map(change).collect()
     }
 
-    /// The same for the lanes of a view.
+    /// The same for the lanes of a view of all folds.
     pub(super) fn changes_of(
         &self,
         view: &View,
         half: impl Fn(usize) -> usize,
     ) -> Result<Vec<f32>, Error> {
-        Ok(self.changes(&features(self.features, view)?, half))
+        Ok(self.changes(&features(self.features, view, true)?, half))
     }
 }
 
-/// The features of a view, `[lane][feature]`.
-pub(super) fn features(of: &dyn Features, view: &View) -> Result<Vec<f32>, Error> {
+/// The features of a view, `[lane][feature]`. Of all folds, they are told to be of as few
+/// samples as there are without a group: what depends on n alone would not be learnt.
+pub(super) fn features(
+    of: &dyn Features,
+    view: &View,
+    of_all_folds: bool,
+) -> Result<Vec<f32>, Error> {
     let mut features = vec![0.0; view.mean.len() * of.coefficients().len()];
-    of.features(&view.seen(), &mut features)?;
+    let mut seen = view.seen();
+    if of_all_folds {
+        seen.samples *= SHARE;
+    }
+    of.features(&seen, &mut features)?;
     features.iter_mut().filter(|x| !x.is_finite()).for_each(|x| *x = 0.0);
     Ok(features)
 }
