@@ -150,36 +150,48 @@ const GUARDED: &str = "guard-samples";
 /// The one of them whose last layer is fitted again to each batch.
 const REFITTED: &str = "families-samples";
 
-fn guarded() -> Result<Method, Error> {
+/// Regimes whose folds depend on each other, as those of this sampler do.
+const NESTED: [&str; 2] = ["halton", "halton-random"];
+const NESTED_SAMPLER: &str = "halton";
+
+/// All methods, for samples of this sampler.
+fn methods(sampler: &str) -> Result<Vec<Method>, Error> {
+    let networks = NETWORKS.iter().map(|&name| TransformArg::Builtin(name));
+    let methods = METHODS.iter().filter_map(|(name, _)| TransformArg::named(name));
+    let methods = [TransformArg::None].into_iter().chain(methods).chain(networks);
+    let method = |transform| match transform {
+        TransformArg::Auto => Method::auto(&[], sampler),
+        other => Method::named(other, BackendArg::Cpu),
+    };
+    methods.map(method).chain([guarded(sampler)]).collect()
+}
+
+fn guarded(sampler: &str) -> Result<Method, Error> {
     let expert = |name: &'static str| -> Result<Box<dyn Expert>, Error> {
         let network = SampleNetwork::builtin(name);
         let network = network.unwrap_or_else(|| unreachable!("it is one of the list"))?;
         let mlp = SampleMlp::new(name, network);
         Ok(Box::new(if name == REFITTED { mlp.with_refit() } else { mlp }))
     };
+    let auto = Method::auto(&[], sampler)?;
+    let name = GUARDED.to_owned();
+    if sampler == NESTED_SAMPLER {
+        return Ok(Method { name, ..auto });
+    }
     let experts = SampleNetwork::builtins().map(expert).collect::<Result<_, _>>()?;
-    let none = Method::named(TransformArg::None, BackendArg::Cpu)?;
-    Ok(Method { name: GUARDED.to_owned(), transform: Box::new(Guard::new(experts)?), ..none })
+    Ok(Method { name, transform: Box::new(Guard::new(experts)?), ..auto })
 }
 
 fn rows(effort: &Effort) -> Result<Vec<Row>, Error> {
-    let networks = NETWORKS.iter().map(|&name| TransformArg::Builtin(name));
-    let methods = METHODS.iter().filter_map(|(name, _)| TransformArg::named(name));
-    let methods = [TransformArg::None]
-        .into_iter()
-        .chain(methods)
-        .chain(networks)
-        .map(|transform| Method::named(transform, BackendArg::Cpu))
-        .chain([guarded()])
-        .collect::<Result<Vec<_>, _>>()?;
-
+    let [independent, nested] = [methods("")?, methods(NESTED_SAMPLER)?];
     let sample = cost_sample(effort.cost_lanes);
-    let costs = methods
+    let costs = independent
         .iter()
         .map(|method| nanoseconds_per_lane(method, &sample.batch))
         .collect::<Result<Vec<_>, _>>()?;
     let mut rows = Vec::new();
     for regime in REGIMES {
+        let methods = if NESTED.contains(&regime.name) { &nested } else { &independent };
         let far = effort.far.filter(|_| regime.far);
         let counts = effort.sample_counts.iter().map(|&n| (n, effort.runs)).chain(far);
         for (n, runs) in counts {

@@ -249,7 +249,8 @@ pub(super) const REGIMES: &[Regime] = &[
         why: "S converges nearly as 1/n, and its steps are no noise that could be averaged. Sample i \
               mod 4 fixes the two leading bits of x, so that each fold sees a quarter of the \
               interval: fold means are no estimates of I, and every method that uses them as \
-              estimates fails. (nst render --sampler halton-folds has independent ones.)",
+              estimates fails. `auto` knows the sampler, and keeps S. (nst render --sampler \
+              halton-folds has independent ones.)",
         make: |n, _| halton(n, 1, |_| 0),
         far: false,
     },
