@@ -83,7 +83,8 @@ def test_pictures(nst: Nst, tmp_path: Path) -> None:
 
 def test_what_the_guard_says(nst: Nst, tmp_path: Path) -> None:
     said = json.loads(nst(*RENDER[:-1], "--json", "-o", "x.exr"))
-    _, header = read_by_all(tmp_path / "x.exr")
+    channels, header = read_by_all(tmp_path / "x.exr")
+    assert np.count_nonzero(lanes(channels, "StdError")) > 0
     experts = ", ".join(f"{it['name']} {it['weight']:.4f}" for it in said["experts"])
     assert header["nst.expert"] == experts != ""
     for name in ("Ratio", "Low", "High"):

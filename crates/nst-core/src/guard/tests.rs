@@ -1,7 +1,7 @@
 //! The guard on lanes whose true values are known.
 
 use super::*;
-use crate::{Grid, LANES_PER_BLOCK, random::SplitMix64, sequence::tests::Cut};
+use crate::{Grid, LANES_PER_BLOCK, LaneSums, PowerSums, random::SplitMix64, sequence::tests::Cut};
 
 /// Lanes of an integrand, and their true values.
 struct Lanes {
@@ -50,18 +50,26 @@ impl Lanes {
         let parameters: Vec<[f64; 2]> =
             (0..lanes).map(|_| [random.uniform(), random.uniform()]).collect();
         let sample = |lane: usize, u: f64| integrand(parameters[lane][0], parameters[lane][1], u);
-        let mut samples = Vec::with_capacity(lanes * n as usize);
-        for _ in 0..n {
-            samples.extend((0..lanes).map(|lane| sample(lane, random.uniform()) as f32));
+        let mut sums = vec![LaneSums::default(); lanes];
+        // Of many samples no test needs them, and they take their time.
+        let further: Vec<Power> = Power::all().filter(|_| n <= 1024).collect();
+        let mut powers = PowerSums::new(&further, lanes);
+        for index in 0..n {
+            for (lane, sums) in sums.iter_mut().enumerate() {
+                let sample = f64::from(sample(lane, random.uniform()) as f32);
+                sums.add(index, sample);
+                powers.add(lane, index, sample);
+            }
         }
         const STEPS: u32 = 1000;
         let of_lane = |lane: usize| {
             let steps = (0..STEPS).map(|i| sample(lane, (f64::from(i) + 0.5) / f64::from(STEPS)));
             steps.sum::<f64>() / f64::from(STEPS)
         };
-        let powers: Vec<Power> = Power::all().collect();
-        let batch = SequenceBatch::from_samples_with(lanes, &samples, &powers);
-        let batch = batch.expect("samples of all lanes");
+        let means: Vec<f32> = sums.iter().map(|it| (it.total() / f64::from(n)) as f32).collect();
+        let mut batch = SequenceBatch::from_last(&means, n).expect("a mean of each lane");
+        batch.set_sums(&sums, n).expect("sums of each lane");
+        batch.set_power_sums(&powers, n).expect("sums of each lane");
         Self { truth: (0..lanes).map(of_lane).collect(), batch }
     }
 
@@ -226,18 +234,20 @@ fn garbage_changes_nothing() {
 /// An expert with a constant bias counts at few samples, and not at many.
 #[test]
 fn converges_whatever_the_bias() {
-    let biased = |n: u32| {
-        let lanes = Lanes::new(visibility, 2000, n, 9);
+    let biased = |lanes: usize, n: u32| {
+        let lanes = Lanes::new(visibility, lanes, n, 9);
         let (alone, _) = lanes.ratio(&Guard::default());
         let known = lanes.truth.clone();
         let expert = By("biased", move |lane: usize, _: &Seen<'_>| known[lane % known.len()] + 0.3);
         let (ratio, judgement) = lanes.ratio(&with(expert));
         (ratio / alone, judgement.experts[CORRECTIONS.len()].1)
     };
-    let (few, weight) = biased(4);
+    let (few, weight) = biased(2000, 4);
     assert!(few < 0.5 && weight > 0.3, "{few} {weight}");
-    let (many, weight) = biased(4096);
-    assert!((many - 1.0).abs() < 0.01 && weight < 0.03, "{many} {weight}");
+    for (lanes, n) in [(2000, 4096), (500, 65_536)] {
+        let (many, weight) = biased(lanes, n);
+        assert!((many - 1.0).abs() < 0.01 && weight < 0.03, "{n} samples: {many} {weight}");
+    }
 }
 
 /// The interval contains the true ratio in 90 of 100 cases, at least.
