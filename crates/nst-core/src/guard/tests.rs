@@ -165,8 +165,7 @@ fn what_is_fitted_again_does_not_extrapolate() {
 #[test]
 fn a_network_without_its_means_is_left_out() {
     let lanes = Lanes::new(gaussian, 3000, 16, 1);
-    let mut batch =
-        SequenceBatch::new(lanes.batch.terms().to_owned(), (1..=16).collect()).expect("as before");
+    let mut batch = SequenceBatch::from_last(lanes.batch.last(), 16).expect("as before");
     let missing = Side::power_means(Power::of_value(8.0).expect("a power of two"));
     for (side, values) in lanes.batch.sides().filter(|(side, _)| **side != missing[2]) {
         batch.set_side(side.clone(), values.to_vec()).expect("as before");
