@@ -9,14 +9,14 @@ mod side;
 mod strips;
 mod sums;
 
-pub use batch::SequenceBatch;
+pub use batch::{LANES_PER_BLOCK, SequenceBatch};
 pub use grid::Grid;
 pub use keep::Keep;
 pub use power::{Power, root};
 pub use power_sums::PowerSums;
 pub use side::{Extent, FOLDS, Merging, Side, fold_count};
 pub(crate) use strips::sum_in_order;
-pub use strips::{LANES_PER_BLOCK, Strips, Whole};
+pub use strips::{Strips, Whole};
 pub use sums::LaneSums;
 
 #[cfg(test)]
