@@ -34,7 +34,7 @@ use rayon::prelude::*;
 
 pub use judge::Judgement;
 use judge::{ErrorRatios, judge};
-use refit::Refit;
+use refit::{Adapting, Refit};
 use regression::Regressions;
 use sample::{FoldMeans, FurtherMeans, GROUPS, Sample, fold_means, further_means, part_of};
 pub use seen::{Expert, Features, OfTransform, Seen};
@@ -156,7 +156,7 @@ impl Guard {
             return Ok(plain(Status::Constant, "all estimates are 0"));
         }
         let missing = missing(&sample, &views[..GROUPS]);
-        let Asked { experts, changes: of_experts, features, notes } = self.ask(&views);
+        let Asked { experts, changes: of_experts, adapting, notes } = self.ask(&views);
         let (unit, counts) = (views[GROUPS].unit, sample.counts);
         let lanes: Vec<Lanes> = views.into_par_iter().map(View::lanes).collect();
         let held_out = &lanes[..GROUPS];
@@ -164,16 +164,14 @@ impl Guard {
             regressions: Regressions::fit(&sample, held_out, &missing),
             table: Table::fit(&sample, held_out, &missing),
         };
-        let refit = |(expert, of, of_views): &(&'a dyn Expert, _, Vec<Vec<f32>>)| {
-            Refit::fit(*expert, *of, &of_views[..GROUPS], &sample, held_out, &missing)
-        };
-        let refits: Vec<Refit<'a>> = features.iter().map(refit).collect();
+        let refit = |adapting| Refit::fit(adapting, &sample, held_out, &missing);
+        let refits: Vec<Refit<'a>> = adapting.iter().map(refit).collect();
         let half = |lane: usize| usize::from(sample.pixels[lane / sample.channels].half);
         let of_corrections = lanes.par_iter().map(|lanes| corrections.changes(lanes, half));
         let mut changes: Vec<Vec<Vec<f32>>> = of_corrections.collect();
         changes.iter_mut().zip(of_experts).for_each(|(all, of_experts)| all.extend(of_experts));
-        for (refit, (.., of_views)) in refits.iter().zip(&features) {
-            let all = changes.iter_mut().zip(of_views);
+        for (refit, adapting) in refits.iter().zip(&adapting) {
+            let all = changes.iter_mut().zip(&adapting.of_views);
             all.for_each(|(all, features)| all.push(refit.changes(features, half)));
         }
         let changes = Changes::new(&sample, &lanes, &missing, &changes);
@@ -203,17 +201,12 @@ impl Guard {
             let expert = &**expert;
             let changes: Result<Vec<_>, _> =
                 views.iter().map(|view| change(expert, view)).collect();
-            let features = expert.adapts().map(|of| {
-                let of_view = |(group, view)| refit::features(of, view, group == GROUPS);
-                let of_views = views.iter().enumerate().map(of_view);
-                of_views.collect::<Result<Vec<_>, _>>().map(|of_views| (expert, of, of_views))
-            });
-            match changes.and_then(|changes| Ok((changes, features.transpose()?))) {
-                Ok((changes, features)) => {
+            match changes.and_then(|changes| Ok((changes, Adapting::ask(expert, views)?))) {
+                Ok((changes, adapting)) => {
                     asked.experts.push(expert);
                     let all = asked.changes.iter_mut().zip(changes);
                     all.for_each(|(all, changes)| all.push(changes));
-                    asked.features.extend(features);
+                    asked.adapting.extend(adapting);
                 }
                 Err(error) => {
                     asked.notes.push(format!("'{}' is left out: {error}", expert.name()));
@@ -231,8 +224,7 @@ struct Asked<'a> {
     experts: Vec<&'a dyn Expert>,
     /// What they change, `[view][expert][lane]`.
     changes: Vec<Vec<Vec<f32>>>,
-    /// Of those that adapt, their features, `[view]`, `[lane][feature]`.
-    features: Vec<(&'a dyn Expert, &'a dyn Features, Vec<Vec<f32>>)>,
+    adapting: Vec<Adapting<'a>>,
     /// Why others failed.
     notes: Vec<String>,
 }

@@ -13,7 +13,7 @@
 use rayon::prelude::*;
 
 use super::{
-    sample::{SHARE, Sample},
+    sample::{GROUPS, SHARE, Sample},
     seen::{Expert, Features},
     table::PIXELS_PER_TASK,
     view::{Lanes, View},
@@ -23,6 +23,25 @@ use crate::{Error, cholesky::solve_in_place};
 /// λ: with much less, batches of some hundred lanes are learnt by heart; with much more, what
 /// was not trained on stays wrong.
 const PENALTY: f64 = 1e-3;
+
+/// An expert that adapts, and its features.
+pub(super) struct Adapting<'a> {
+    expert: &'a dyn Expert,
+    features: &'a dyn Features,
+    /// `[group]`, after the groups those of all folds; `[lane][feature]`
+    pub(super) of_views: Vec<Vec<f32>>,
+}
+
+impl<'a> Adapting<'a> {
+    /// Asks for the features of views without each of the groups, and of all folds; `None` if
+    /// the expert does not adapt.
+    pub(super) fn ask(expert: &'a dyn Expert, views: &[View]) -> Result<Option<Self>, Error> {
+        let Some(of) = expert.adapts() else { return Ok(None) };
+        let of_view = |(group, view)| features(of, view, group == GROUPS);
+        let of_views = views.iter().enumerate().map(of_view).collect::<Result<_, _>>()?;
+        Ok(Some(Self { expert, features: of, of_views }))
+    }
+}
 
 /// A fitted expert.
 pub(super) struct Refit<'a> {
@@ -42,16 +61,15 @@ struct Equations {
 }
 
 impl<'a> Refit<'a> {
-    /// Learns from features `[group]`, `[lane][feature]`, of views without each of the groups,
-    /// and the means of those groups minus the plain estimates, `[group][lane]`.
+    /// Learns from views without each of the groups, and the means of those groups minus the
+    /// plain estimates, `[group][lane]`.
     pub(super) fn fit(
-        expert: &'a dyn Expert,
-        features: &'a dyn Features,
-        of_views: &[Vec<f32>],
+        adapting: &Adapting<'a>,
         sample: &Sample,
         views: &[Lanes],
         missing: &[Vec<f32>],
     ) -> Self {
+        let Adapting { expert, features, of_views } = adapting;
         let own: Vec<f64> = features.coefficients().iter().map(|&c| c.into()).collect();
         let tasks = sample.pixels.len().div_ceil(PIXELS_PER_TASK);
         let part = |task: usize| {
@@ -76,7 +94,7 @@ impl<'a> Refit<'a> {
             total.iter_mut().zip(part).for_each(|(sum, part)| sum.add(part));
         }
         let coefficients = total.map(|equations| equations.solve(&own));
-        Self { name: format!("{}, refitted", expert.name()), features, coefficients }
+        Self { name: format!("{}, refitted", expert.name()), features: *features, coefficients }
     }
 
     /// What it changes, `[lane]`, by features `[lane][feature]`; `half` says in which half a lane
@@ -104,11 +122,7 @@ impl<'a> Refit<'a> {
 
 /// The features of a view, `[lane][feature]`. Of all folds, they are told to be of as few
 /// samples as there are without a group: what depends on n alone would not be learnt.
-pub(super) fn features(
-    of: &dyn Features,
-    view: &View,
-    of_all_folds: bool,
-) -> Result<Vec<f32>, Error> {
+fn features(of: &dyn Features, view: &View, of_all_folds: bool) -> Result<Vec<f32>, Error> {
     let mut features = vec![0.0; view.mean.len() * of.coefficients().len()];
     let mut seen = view.seen();
     if of_all_folds {

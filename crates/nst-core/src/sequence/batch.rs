@@ -5,8 +5,12 @@ use std::collections::BTreeMap;
 use ndarray::{Array2, ArrayView2, s};
 use rayon::prelude::*;
 
-use super::{Extent, FOLDS, Grid, LANES_PER_BLOCK, LaneSums, Power, PowerSums, Side};
+use super::{Extent, FOLDS, Grid, LaneSums, Power, PowerSums, Side};
 use crate::Error;
+
+/// Without a grid, all strips but the last end at multiples of this many lanes: the lanes
+/// whose sum is one task of the thread pool.
+pub const LANES_PER_BLOCK: usize = 4096;
 
 /// Progressive estimates of many independent integrals.
 ///

@@ -2,7 +2,17 @@
 
 use std::{convert::Infallible, fmt, str::FromStr};
 
-use super::{FOLDS, Power};
+use super::Power;
+
+/// How many folds the samples of a lane are split into: sample i belongs to fold i mod 4.
+/// Files of sequences store this number of folds.
+pub const FOLDS: usize = 4;
+
+/// How many of a lane's n samples are in a fold, a number below [`FOLDS`].
+#[must_use]
+pub fn fold_count(fold: usize, n: u32) -> f64 {
+    (n as usize).saturating_sub(fold).div_ceil(FOLDS) as f64
+}
 
 /// A side channel: one further number of each lane or pixel. Everything that depends on its
 /// kind is defined here.
