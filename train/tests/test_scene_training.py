@@ -73,7 +73,7 @@ def made_up_scene(branch: str, seed: int, lanes: int = 300, terms: int = 16) -> 
 
 def made_up_data() -> SceneData:
     training = [made_up_scene("plane", seed) for seed in range(4)]
-    held_out = [made_up_scene(branch, seed) for branch in ("maze", "hall") for seed in (10, 11)]
+    held_out = [made_up_scene(branch, 10 + i) for i, branch in enumerate(("maze", "hall", "maze", "hall"))]
     return SceneData(training, held_out, "random:plane")
 
 
@@ -168,7 +168,7 @@ def test_the_loss_is_the_definition() -> None:
 
 
 def test_training_beats_the_input_on_held_out_scenes() -> None:
-    """Samples that are mostly 0 in scenes of one brightness: seeds 1 to 3 reach 0.2 to 0.4."""
+    """Samples that are mostly 0 in scenes of one brightness: seeds 1 to 3 reach 0.35 to 0.45."""
     config, data = replace(parse(), epochs=20), made_up_data()
     training = SceneTraining(config, data)
 
