@@ -36,13 +36,13 @@ WHITENED_PICTURES = 200
 
 
 @dataclass(frozen=True)
-class Picture:
-    """Sums of n samples of some lanes, and what they estimate."""
+class Pictures:
+    """Sums of n samples of some lanes of each picture, and what they estimate; f64."""
 
-    sums: Tensor  # [power, lane]
-    n: Tensor  # a scalar
-    unit: Tensor  # a scalar: mean of |S| over all lanes of the picture
-    reference: Tensor  # [lane]
+    sums: Tensor  # [power, picture, lane]
+    n: Tensor  # [picture, 1]
+    unit: Tensor  # [picture, 1]: mean of |S| over all lanes of the picture
+    reference: Tensor  # [picture, lane]
 
 
 class SceneTraining(Descent):
@@ -60,33 +60,40 @@ class SceneTraining(Descent):
         """Batches of an epoch."""
         for _ in range(self.data.batches):
             pictures = self.draw()
-            yield torch.stack([self.loss(picture) for picture in pictures]).mean(), len(pictures)
+            yield self.loss(pictures), len(pictures.n)
 
-    def draw(self) -> list[Picture]:
+    def draw(self) -> Pictures:
         """The pictures of a batch: a family's, or scenes'."""
-        config = self.config
         if torch.rand((), generator=self.rng) < self.data.family_share:
-            return draw_family(config, self.rng)
-        return [draw_scene(config, self.scenes, self.rng) for _ in range(config.terms_per_step)]
+            return draw_family(self.config, self.rng)
+        return draw_scenes(self.config, self.scenes, self.config.terms_per_step, self.rng)
 
-    def loss(self, picture: Picture) -> Tensor:
-        """The loss of one picture."""
-        sums, n, unit = (x.to(self.device) for x in (picture.sums, picture.n, picture.unit))
-        reference = picture.reference.to(self.device) / unit
-        t = self.model.transform(sums, n, unit) / unit
-        s = self.form.estimate(sums, n) / unit
-        return loss_of(t.float(), s.float(), reference.float(), self.config.epsilon)
+    def loss(self, pictures: Pictures) -> Tensor:
+        """The mean loss of pictures."""
+        sums, n, unit = (x.to(self.device) for x in (pictures.sums, pictures.n, pictures.unit))
+        values = (self.model.transform(sums, n, unit), self.form.estimate(sums, n))
+        t, s, reference = ((x / unit).float() for x in (*values, pictures.reference.to(self.device)))
+        return loss_of(t, s, reference, self.config.epsilon)
 
 
 def loss_of(t: Tensor, s: Tensor, reference: Tensor, epsilon: float) -> Tensor:
-    """The loss above of T, S and I `[lane]` in units of u."""
+    """The loss above of T, S and I `[…, lane]` in units of u; its mean over pictures."""
     weights = torch.stack([(reference.abs() + DARK) ** -p for p in WEIGHTS])
     e_t, e_s = ((weights * (x - reference).square()).mean(dim=-1) for x in (t, s))
     return (LEAST_RATIO + e_t / (e_s + epsilon)).log().mean()
 
 
-def draw_scene(config: Config, scenes: list[Scene], rng: torch.Generator) -> Picture:
-    """A picture of some scene, of one to all of its folds; at most `batch_size` of its lanes."""
+def draw_scenes(config: Config, scenes: list[Scene], count: int, rng: torch.Generator) -> Pictures:
+    """Pictures of any scenes, at most `batch_size` lanes of each."""
+    parts = [draw_scene(config, scenes, rng) for _ in range(count)]
+    sums, n, unit, reference = (torch.stack(values) for values in zip(*parts, strict=True))
+    return Pictures(sums.transpose(0, 1), n[:, None], unit[:, None], reference)
+
+
+def draw_scene(
+    config: Config, scenes: list[Scene], rng: torch.Generator
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """The fields of `Pictures` for a picture of some scene, of one to all of its folds."""
 
     def pick(count: int) -> int:
         return int(torch.randint(count, (), generator=rng))
@@ -104,10 +111,10 @@ def draw_scene(config: Config, scenes: list[Scene], rng: torch.Generator) -> Pic
     if config.batch_size < len(reference):
         lanes = torch.randperm(len(reference), generator=rng)[: config.batch_size]
         sums, reference = sums[:, lanes], reference[lanes]
-    return Picture(sums, count, unit, reference)
+    return sums, count, unit, reference
 
 
-def draw_family(config: Config, rng: torch.Generator) -> list[Picture]:
+def draw_family(config: Config, rng: torch.Generator) -> Pictures:
     """Fresh integrands of one family at `terms_per_step` n, even in log n."""
     assert isinstance(config.data, RandomScenesData)
     assert config.samples is not None
@@ -116,8 +123,8 @@ def draw_family(config: Config, rng: torch.Generator) -> list[Picture]:
     n = draw_counts(config.window, config.data.terms, config.terms_per_step, rng)
     lanes = fresh.draw(name, config.batch_size, int(n[-1]), rng)
     sums, unit = sums_and_unit(config.samples, lanes.samples.double(), n)
-    reference = lanes.reference.double()
-    return [Picture(sums[..., i], n[i].double(), unit[i], reference) for i in range(len(n))]
+    reference = lanes.reference.double().expand(len(n), -1)
+    return Pictures(sums.transpose(1, 2), n.double()[:, None], unit[:, None], reference)
 
 
 def make_model(config: Config, data: SceneData) -> SampleMlp:
@@ -126,8 +133,8 @@ def make_model(config: Config, data: SceneData) -> SampleMlp:
     torch.manual_seed(config.seed)
     model = SampleMlp(config.samples, config.hidden, (config.window, config.data.terms))
     rng = torch.Generator().manual_seed(config.seed)
-    pictures = [draw_scene(config, data.training, rng) for _ in range(WHITENED_PICTURES)]
-    inputs = torch.cat([model.inputs(picture.sums, picture.n, picture.unit) for picture in pictures])
+    pictures = draw_scenes(config, data.training, WHITENED_PICTURES, rng)
+    inputs = model.inputs(pictures.sums, pictures.n, pictures.unit).flatten(0, 1)
     model.whiten(*whitening_of(inputs.mean(dim=0), inputs.T @ inputs / len(inputs), drop=True))
     if config.start == "input":
         model.start_from_input()

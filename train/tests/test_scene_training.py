@@ -16,7 +16,7 @@ from nst_train.errors import UserError
 from nst_train.model import SampleMlp
 from nst_train.power_means import PowerMeans
 from nst_train.scene_renders import Scene, SceneData
-from nst_train.scene_training import SceneTraining, draw_scene, loss_of
+from nst_train.scene_training import SceneTraining, draw_family, draw_scenes, loss_of
 
 FORM = PowerMeans([0.5, 1.0, 2.0], floor=0.01, scale_estimate=1.0, scale_unit=0.01)
 TINY = """\
@@ -140,19 +140,28 @@ def test_scenes_are_rendered_once(tmp_path: Path, fake_nst: Path) -> None:
 def test_pictures_of_training_have_some_folds() -> None:
     config, scene = parse(), made_up_scene("plane", 1)
     rng = torch.Generator().manual_seed(1)
-    counts = set()
-    for _ in range(200):
-        picture = draw_scene(config, [scene], rng)
-        n = int(picture.n)
-        counts.add(n)
-        s = picture.sums[1] / n
-        assert s.mean() == pytest.approx(float(picture.unit))
-        assert picture.reference.shape == (300,)
-        # y is 0 or some 10: the mean of squares is about 10 that of y.
-        assert (picture.sums[2].sum() / picture.sums[1].sum()).item() == pytest.approx(10, rel=0.2)
-    assert counts == {2, 4, 6, 8, 12, 16}
-    few = draw_scene(replace(config, batch_size=7), [scene], rng)
-    assert few.sums.shape == (3, 7) and few.reference.shape == (7,)
+    pictures = draw_scenes(config, [scene], 200, rng)
+    assert pictures.sums.shape == (3, 200, 300) and pictures.reference.shape == (200, 300)
+    assert set(pictures.n.flatten().tolist()) == {2, 4, 6, 8, 12, 16}
+    s = pictures.sums[1] / pictures.n
+    torch.testing.assert_close(s.mean(dim=1, keepdim=True), pictures.unit)
+    # The mean of S over lanes and pictures is that of I, about 1, whatever n is.
+    assert pictures.unit.mean().item() == pytest.approx(1.0, abs=0.05)
+    torch.testing.assert_close(pictures.reference[7], scene.reference.double().mean(dim=0))
+    few = draw_scenes(replace(config, batch_size=7), [scene], 3, rng)
+    assert few.sums.shape == (3, 3, 7) and few.reference.shape == (3, 7)
+
+
+def test_families_are_pictures_too() -> None:
+    config = replace(parse(), batch_size=5000)
+    for seed in range(4):
+        pictures = draw_family(config, torch.Generator().manual_seed(seed))
+        assert pictures.sums.shape == (3, 2, 5000) and pictures.reference.shape == (2, 5000)
+        n = pictures.n.flatten()
+        assert 2 <= n[0] <= n[1] <= 16
+        # Of unbiased samples of a deviation below 2, and 5,000 lanes.
+        s = pictures.sums[1] / pictures.n
+        assert (s.mean(dim=1) - pictures.reference.mean(dim=1)).abs().max() < 4 * 2 / math.sqrt(5000 * 2)
 
 
 def test_the_loss_is_the_definition() -> None:
