@@ -1,6 +1,6 @@
 """Draws the comparer of a page of `nst report`, as the README shows it.
 
-    python tests/peers/report_picture.py results.html 8 guard docs/report.jpg
+    python tests/peers/report_picture.py results.html 8 auto docs/report.jpg
 
 with the Python of tools/python-env tests/peers/requirements.txt.
 The number is that of the samples per pixel; the method's picture is right of the splitter, and the plain

@@ -48,7 +48,7 @@ fn cube(diffuse: Vec3A, emission: Vec3A, environment: Vec3A, position: Vec3A) ->
 fn sequences(scene: &Scene, spp: u32) -> SequenceBatch {
     let settings =
         RenderSettings { spp, sampler: SamplerKind::Random, seed: 5, keep: Keep::Window(8) };
-    render(scene, &settings, &|_| {}).expect("the scene renders").batch
+    render(scene, &settings, &|_| {}).expect("the scene renders").batch()
 }
 
 /// How many standard errors the mean of each channel is away from its closed form.
@@ -149,7 +149,7 @@ fn variance_is_estimated_without_bias() {
                 seed,
                 keep: Keep::Window(1),
             };
-            render(&scene, &settings, &|_| {}).expect("the scene renders").batch
+            render(&scene, &settings, &|_| {}).expect("the scene renders").batch()
         })
         .collect();
     let (mut estimated, mut observed) = (0.0, 0.0);

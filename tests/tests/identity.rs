@@ -17,13 +17,13 @@ fn thread_count_does_not_change_a_bit() {
         RenderSettings { spp: 9, sampler: SamplerKind::Random, seed: 3, keep: Keep::All };
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-        pool.install(|| render(&scene, &settings, &|_| {})).expect("the scene renders").batch
+        pool.install(|| render(&scene, &settings, &|_| {})).expect("the scene renders").batch()
     };
     let one = with(1);
     assert_eq!(one, with(2));
     assert_eq!(one, with(5));
     let other = RenderSettings { seed: 4, ..settings };
-    assert_ne!(one, render(&scene, &other, &|_| {}).expect("the scene renders").batch);
+    assert_ne!(one, render(&scene, &other, &|_| {}).expect("the scene renders").batch());
 }
 
 #[test]

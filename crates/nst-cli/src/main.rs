@@ -12,8 +12,10 @@ mod commands;
 mod error;
 #[cfg(feature = "gpu")]
 mod fallback;
+mod guard;
 mod interrupt;
 mod method;
+mod networks;
 mod progress;
 mod report;
 mod results;

@@ -13,101 +13,71 @@ use nst_core::{
 use crate::fallback::Fallback;
 use crate::{
     adapter::{Adapter, caught},
-    args::{BackendArg, MethodArgs, TransformArg},
+    args::{BackendArg, ExpertArg, MethodArgs, TransformArg},
     error::Error,
+    guard::guard,
+    networks::{builtin, network_of},
 };
 
-/// The last terms that a rendering keeps if the method reads no more: the window of the
+/// The last terms of a stored sequence, unless the method reads more: the window of the
 /// built-in networks.
 pub(crate) const DEFAULT_WINDOW: usize = 8;
 
 /// The reason if the command line names the method.
 const AS_ASKED: &str = "as asked";
 
-/// What `--transform auto` knows of a sequence when it chooses.
-#[derive(Clone, Copy, Default)]
-pub(crate) struct Origin<'a> {
-    /// The scene's fingerprint.
-    pub(crate) scene: &'a str,
-    /// The sampler's name; empty where it is not known.
-    pub(crate) sampler: &'a str,
-    /// The samples behind the terms. The last one alone means terms that are one sample
-    /// apart.
-    pub(crate) counts: &'a [u32],
-}
-
-/// The reason if there is no network for the scene.
-const NOT_TRAINED: &str = "no network was trained on this very scene";
-
-/// The method that holds folds out.
-const GUARD: &str = "guard";
-
-/// The sampler whose folds are parts of one sequence, so that none says anything about the
-/// error of the others.
-const NESTED: &str = "halton";
-
-/// What is said then.
-const NESTED_FOLDS: &str = "keeps the plain estimates: the folds of --sampler halton depend on \
-                            each other; those of halton-folds do not";
-
-/// The sampler of networks whose files name none: the first ones were all trained on
-/// `random`.
-const FIRST_SAMPLER: &str = "random";
+/// What the guard does.
+const BLENDS: &str =
+    "a blend of the plain estimates with experts, as far as samples that were held out support it";
 
 /// A transformation, ready to be applied.
 pub(crate) struct Method {
     /// `none`, the name of a built-in network or method, or a weights file.
     pub(crate) name: String,
-    /// Why it was chosen, in words for the summary.
-    pub(crate) reason: String,
+    /// Why it was chosen, or what it does, in words for the summary.
+    pub(crate) reason: &'static str,
     /// The GPU that is in use.
     pub(crate) adapter: Adapter,
     pub(crate) transform: Box<dyn Transform>,
 }
 
 impl Method {
-    /// The method that the options ask for.
-    pub(crate) fn resolve(args: &MethodArgs, origin: Origin<'_>) -> Result<Self, Error> {
-        match &args.weights {
-            Some(path) => Self::of_file(path, args.backend),
-            None => Self::named(args.transform, args.backend, origin),
+    /// The method that the options ask for, for samples of this sampler; its name is empty
+    /// where it is not known.
+    pub(crate) fn resolve(args: &MethodArgs, sampler: &str) -> Result<Self, Error> {
+        match (&args.weights, args.transform) {
+            (Some(path), _) => Self::of_file(path, args.backend),
+            (None, TransformArg::Auto) => Self::auto(&args.experts, sampler),
+            (None, named) if !args.experts.is_empty() => Err(Error::Usage(format!(
+                "--experts is for --transform auto, not for '{}'; leave out one of them",
+                named.name()
+            ))),
+            (None, named) => Self::named(named, args.backend),
         }
     }
 
     /// The network of a weights file.
     pub(crate) fn of_file(path: &Path, backend: BackendArg) -> Result<Self, Error> {
-        let network = Network::read(path)
-            .map_err(|source| Error::Weights { path: path.to_owned(), source })?;
-        Self::network(path.display().to_string(), AS_ASKED, network, backend)
+        Self::network(path.display().to_string(), network_of(path)?, backend)
     }
 
-    /// The method of a name.
-    pub(crate) fn named(
-        transform: TransformArg,
-        backend: BackendArg,
-        origin: Origin<'_>,
-    ) -> Result<Self, Error> {
+    /// The guard, over these experts.
+    pub(crate) fn auto(experts: &[ExpertArg], sampler: &str) -> Result<Self, Error> {
+        Ok(Self::on_cpu(TransformArg::Auto.name(), BLENDS, guard(experts, sampler)?))
+    }
+
+    /// The method of a name; `auto` with the guard's own experts, for independent folds.
+    pub(crate) fn named(transform: TransformArg, backend: BackendArg) -> Result<Self, Error> {
         match transform {
-            TransformArg::None => Ok(Self::none(AS_ASKED)),
-            TransformArg::Method(GUARD) if origin.sampler == NESTED => {
-                Ok(Self { name: GUARD.to_owned(), ..Self::none(NESTED_FOLDS) })
-            }
+            TransformArg::Auto => Self::auto(&[], ""),
+            TransformArg::None => Ok(Self::on_cpu("none", AS_ASKED, Box::new(Identity))),
             TransformArg::Method(name) => {
                 let method = method(name);
                 let method =
                     method.unwrap_or_else(|| unreachable!("the command line admits known names"));
                 Ok(Self::on_cpu(name, AS_ASKED, method))
             }
-            TransformArg::Builtin(name) => Self::network(name, AS_ASKED, builtin(name)?, backend),
-            TransformArg::Auto => match choose(Network::builtins_trained_on(origin.scene)?, origin)
-            {
-                Ok((name, network)) => {
-                    let widths = network.shape().replace('-', ", ");
-                    let reason = format!("trained on this scene; its layers are {widths} wide");
-                    Self::network(name, reason, network, backend)
-                }
-                Err(reason) => Ok(Self::none(reason)),
-            },
+            TransformArg::Builtin(name) => Self::network(name, builtin(name)?, backend),
         }
     }
 
@@ -146,31 +116,12 @@ impl Method {
         if self.adapter().is_some() { "gpu" } else { "cpu" }
     }
 
-    /// Adds what would make `auto` choose a network: options, and the network's name.
-    pub(crate) fn advise(&mut self, advice: impl FnOnce() -> Option<(String, &'static str)>) {
-        if self.reason == NOT_TRAINED
-            && let Some((options, network)) = advice()
-        {
-            self.reason += &format!("; with {options}, network '{network}' was");
-        }
-    }
-
-    fn none(reason: impl Into<String>) -> Self {
-        Self::on_cpu("none", reason, Box::new(Identity))
-    }
-
-    fn on_cpu(name: &str, reason: impl Into<String>, transform: Box<dyn Transform>) -> Self {
-        Self {
-            name: name.to_owned(),
-            reason: reason.into(),
-            adapter: Adapter::default(),
-            transform,
-        }
+    fn on_cpu(name: &str, reason: &'static str, transform: Box<dyn Transform>) -> Self {
+        Self { name: name.to_owned(), reason, adapter: Adapter::default(), transform }
     }
 
     fn network(
         name: impl Into<String>,
-        reason: impl Into<String>,
         network: Network,
         backend: BackendArg,
     ) -> Result<Self, Error> {
@@ -182,7 +133,7 @@ impl Method {
             BackendArg::Gpu => on_gpu(network, &adapter)?,
             BackendArg::Auto => on_any(network, cpu, &adapter),
         };
-        Ok(Self { name: name.into(), reason: reason.into(), adapter, transform })
+        Ok(Self { name: name.into(), reason: AS_ASKED, adapter, transform })
     }
 }
 
@@ -221,97 +172,4 @@ fn on_gpu(_: Arc<Network>, _: &Adapter) -> Result<Box<dyn Transform>, Error> {
 #[cfg(not(feature = "gpu"))]
 fn on_any(_: Arc<Network>, cpu: MlpCpu, _: &Adapter) -> Box<dyn Transform> {
     Box::new(cpu)
-}
-
-fn builtin(name: &str) -> Result<Network, Error> {
-    let network = Network::builtin(name);
-    Ok(network.unwrap_or_else(|| unreachable!("the command line admits built-in names only"))?)
-}
-
-/// Of the networks that were trained on exactly this scene, the one for its sampler and its
-/// terms, or why there is none.
-fn choose(
-    networks: Vec<(&'static str, Network)>,
-    Origin { sampler, counts, .. }: Origin<'_>,
-) -> Result<(&'static str, Network), String> {
-    let mut reason = NOT_TRAINED.to_owned();
-    for (name, network) in networks {
-        let metadata = network.metadata();
-        let (first, last) = metadata.samples;
-        let window = &counts[counts.len().saturating_sub(metadata.window)..];
-        let used = metadata.sampler.as_deref().unwrap_or(FIRST_SAMPLER);
-        reason = if used != sampler {
-            format!("network '{name}' was trained on this scene with --sampler {used}")
-        } else if !counts.last().is_some_and(|spp| (first..=last).contains(spp)) {
-            format!(
-                "network '{name}' was trained on {first} to {last} samples per pixel of this scene"
-            )
-        } else if window.windows(2).any(|pair| pair[1] - pair[0] > 1) {
-            // As in merged sequences: their terms vary more than those of its training.
-            format!("network '{name}' was trained on terms that are one sample apart")
-        } else {
-            return Ok((name, network));
-        };
-    }
-    Err(reason)
-}
-
-#[cfg(test)]
-mod tests {
-    use safetensors::{Dtype, serialize, tensor::TensorView};
-
-    use super::*;
-
-    /// A network for 2 to 9 samples of one scene.
-    fn weights(sampler: Option<&str>) -> Vec<u8> {
-        let zeros = [0; 8];
-        let tensor = |shape: &[usize], bytes| {
-            TensorView::new(Dtype::F32, shape.to_vec(), bytes).expect("sizes match")
-        };
-        let tensors = [
-            ("layers.0.weight", tensor(&[1, 2], &zeros)),
-            ("layers.0.bias", tensor(&[1], &zeros[..4])),
-        ];
-        let metadata = [
-            ("format", "nst-weights-1"),
-            ("kind", "mlp"),
-            ("inputs", "window"),
-            ("window", "2"),
-            ("activation", "leaky_relu"),
-            ("negative_slope", "0.01"),
-            ("trained_on", "scene:box:1"),
-            ("samples", "2..9"),
-            ("loss", "L2"),
-            ("epochs", "1"),
-            ("seed", "1"),
-            ("config", ""),
-        ];
-        let metadata = metadata.into_iter().chain(sampler.map(|sampler| ("sampler", sampler)));
-        let metadata = metadata.map(|(key, value)| (key.to_owned(), value.to_owned()));
-        serialize(tensors, Some(metadata.collect())).expect("a safetensors file")
-    }
-
-    #[test]
-    fn a_network_is_for_its_scene_sampler_and_terms() -> Result<(), Error> {
-        let (old, halton) = (weights(None), weights(Some("halton")));
-        let chosen = |scene, sampler, counts| -> Result<Result<&str, String>, Error> {
-            let networks = [("old", &old), ("halton", &halton)].into_iter();
-            let networks = networks.map(|(name, file)| Ok((name, Network::from_bytes(file)?)));
-            let mut networks = networks.collect::<Result<Vec<_>, Error>>()?;
-            networks.retain(|(_, network)| network.metadata().trained_on_scene(scene));
-            Ok(choose(networks, Origin { scene, sampler, counts }).map(|(name, _)| name))
-        };
-        assert_eq!(chosen("box:1", "random", &[9])?, Ok("old"));
-        assert_eq!(chosen("box:1", "halton", &[8, 9])?, Ok("halton"));
-        for (scene, sampler, counts, why) in [
-            ("box:2", "random", &[9][..], "this very scene"),
-            ("box:1", "", &[9], "with --sampler halton"),
-            ("box:1", "halton", &[10], "'halton' was trained on 2 to 9 samples"),
-            ("box:1", "halton", &[7, 9], "one sample apart"),
-        ] {
-            let reason = chosen(scene, sampler, counts)?.expect_err(why);
-            assert!(reason.contains(why), "{reason}");
-        }
-        Ok(())
-    }
 }

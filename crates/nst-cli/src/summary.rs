@@ -9,7 +9,7 @@ use std::{
 use nst_core::{Error as CoreError, Estimates, SequenceBatch, Status, Strips, guard::Judgement};
 use serde::Serialize;
 
-use crate::method::Method;
+use crate::{method::Method, words::list};
 
 /// The times and counts of a job.
 #[derive(Debug, Serialize)]
@@ -24,8 +24,11 @@ pub(crate) struct Summary {
     backend: &'static str,
     adapter: Option<String>,
     transform: String,
-    /// Why this transformation was chosen.
+    /// Why this transformation was chosen, or what it does, or why the plain estimates stay.
     reason: String,
+    /// Whether they all do, as a method that measures its own gain found none.
+    #[serde(skip)]
+    plain_kept: bool,
     /// The experts of a transformation that blends some.
     experts: Vec<Expert>,
     /// What it says of its own MSE, relative to that of the plain estimate, with the ends of the
@@ -56,7 +59,7 @@ struct Expert {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Outcome {
     /// What the method says of its own gain, if it measures it.
-    judgement: Option<Judgement>,
+    pub(crate) judgement: Option<Judgement>,
     lanes: usize,
     skipped: usize,
     fallen_back: usize,
@@ -71,6 +74,17 @@ impl Outcome {
         self.lanes += estimates.values().len();
         self.skipped += estimates.count(Status::Constant);
         self.fallen_back += estimates.fallen_back();
+    }
+}
+
+/// Why a method that measures its own gain changes no lane, if it changes none.
+pub(crate) fn why_kept(judgement: &Judgement) -> Option<String> {
+    match (judgement.experts.is_empty(), judgement.notes.first()) {
+        (true, Some(why)) => Some(why.clone()),
+        _ if judgement.experts.iter().all(|(_, weight)| *weight == 0.0) => {
+            Some("no expert gains what is beyond chance".to_owned())
+        }
+        _ => None,
     }
 }
 
@@ -103,7 +117,10 @@ impl Stopwatch {
     ) -> Summary {
         let Outcome { judgement, lanes, skipped, fallen_back } = outcome;
         let judgement = judgement.as_ref();
-        notes.extend(judgement.into_iter().flat_map(|it| it.notes.iter().cloned()));
+        let kept = judgement.and_then(why_kept);
+        // What is the reason is no further note.
+        let further = judgement.into_iter().flat_map(|it| it.notes.iter().cloned());
+        notes.extend(further.filter(|note| kept.as_ref() != Some(note)));
         let experts = judgement.into_iter().flat_map(|it| it.experts.iter().cloned());
         let rate = |render: &RenderStats| render.paths as f64 / render.time.as_secs_f64();
         Summary {
@@ -116,7 +133,11 @@ impl Stopwatch {
             backend: method.backend(),
             adapter: method.adapter(),
             transform: method.name.clone(),
-            reason: method.reason.clone(),
+            plain_kept: kept.is_some(),
+            reason: kept.map_or_else(
+                || method.reason.into(),
+                |why| format!("the plain estimates stay: {why}"),
+            ),
             experts: experts.map(|(name, weight)| Expert { name, weight }).collect(),
             predicted_ratio: judgement.map(|it| it.ratio),
             predicted_low: judgement.map(|it| it.interval[0]),
@@ -158,19 +179,28 @@ pub(crate) fn timed<T>(total: &mut Duration, work: impl FnOnce() -> T) -> T {
 impl Summary {
     /// How much the experts are trusted, and what that gains.
     fn predicted(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let trusted = self.experts.iter().filter(|expert| expert.weight >= 0.005);
-        let trusted = trusted.map(|it| format!("{} by {:.0} %", it.name, 100.0 * it.weight));
-        let trusted: Vec<_> = trusted.collect();
         let figures = [self.predicted_ratio, self.predicted_low, self.predicted_high];
         let [Some(ratio), Some(low), Some(high)] = figures else { return Ok(()) };
-        if trusted.is_empty() {
-            return writeln!(f, "           trusts no expert: the plain estimates stay");
-        }
-        writeln!(f, "           trusts {}", trusted.join(", "))?;
+        let percent = |expert: &Expert| (100.0 * expert.weight).round();
+        let trusted = self.experts.iter().filter(|expert| percent(expert) > 0.0);
+        let trusted = trusted.map(|it| format!("{} by {} %", it.name, percent(it)));
+        let trusted = list(&trusted.collect::<Vec<_>>(), "no expert by as much as 1 %");
+        writeln!(f, "           trusts {trusted}, on average over the lanes")?;
         writeln!(
             f,
-            "           predicts {ratio:.2} of the plain estimate's MSE (95 %: {low:.2} to {high:.2})"
+            "           predicts {ratio:.2} of the plain estimates' MSE (95 %: {low:.2} to {high:.2})"
         )
+    }
+
+    /// How many lanes keep the plain estimate where the others do not.
+    fn kept(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut keep = |count: usize, why: &str| match count {
+            0 => Ok(()),
+            1 => writeln!(f, "           1 keeps the plain estimate: {why}"),
+            _ => writeln!(f, "           {count} keep the plain estimate: {why}"),
+        };
+        keep(self.lanes_skipped, "all terms are equal")?;
+        keep(self.lanes_fallen_back, "the method breaks down")
     }
 }
 
@@ -188,14 +218,10 @@ impl fmt::Display for Summary {
                 "           {transform_seconds:.3} s on {on}, for {lanes} sequences, one per pixel \
                  and channel",
             )?;
-            self.predicted(f)?;
-            let keep = |count: usize, why: &str| match count {
-                0 => String::new(),
-                1 => format!("           1 keeps the plain estimate: {why}\n"),
-                _ => format!("           {count} keep the plain estimate: {why}\n"),
-            };
-            f.write_str(&keep(self.lanes_skipped, "all terms are equal"))?;
-            f.write_str(&keep(self.lanes_fallen_back, "the method breaks down"))?;
+            if !self.plain_kept {
+                self.predicted(f)?;
+                self.kept(f)?;
+            }
         }
         for note in &self.notes[self.said..] {
             writeln!(f, "note       {note}")?;

@@ -264,19 +264,41 @@ fn pictures_stay_when_a_bench_goes_on() {
     assert_ne!(read_layer(&bench.path("t2.exr"), "gmon.16").1, first);
 }
 
+/// Folds of one Halton sequence depend on each other: the plain estimates stay, and their errors.
+/// A list of experts has a column of its own, which is measured by the same guard.
 #[test]
-fn a_bench_says_why_auto_uses_no_network() {
+fn a_bench_of_the_guard() {
     let bench = Bench::new();
-    let plane = cornell().replace("cornell", "plane-lambert");
-    let args =
-        format!("bench scene --scene {plane} --size 8x8 --spp 8 9 --runs 2 --transform auto");
-    let said = succeed(&bench, &format!("{args} --backend cpu -o t.csv"));
-    let note = "note       'auto' used no network at 8, 9 spp: no network was trained on this very \
-                scene; with --pixel center, network 'plane-lambert' was";
+    let args = format!("bench scene --scene {} --size 40x30 --spp 8 9 --runs 2", cornell());
+    let halton = format!("{args} --transform auto --sampler halton -o h.csv");
+    let said = succeed(&bench, &halton);
+    let note = "note       'auto' kept the plain estimates at 8, 9 spp: the folds of --sampler \
+                halton depend on each other";
     assert!(said.contains(note), "{said}");
-    let said = succeed(&bench, &format!("{args} --pixel center --backend cpu --json -o u.csv"));
+    let cell = |table: &Table, method: &str, column: &str| {
+        table[&(method.to_owned(), 8, 1)][column].clone()
+    };
+    let rows = table(&bench, "h.csv");
+    assert_eq!(cell(&rows, "auto", "mse"), cell(&rows, "none", "mse"));
+    assert_eq!(cell(&rows, "auto", "predicted_ratio"), "1.0");
+
+    let random = format!("{args} --transform auto -o t.csv");
+    let said = succeed(&bench, &format!("{random} --json"));
     let said: serde_json::Value = serde_json::from_str(&said).expect("JSON");
     assert_eq!(said["notes"], serde_json::json!([]));
+    succeed(&bench, &format!("{random} --experts lane --quiet"));
+    let rows = table(&bench, "t.csv");
+    assert_ne!(cell(&rows, "auto", "mse"), cell(&rows, "none", "mse"));
+    for column in ["mse", "predicted_ratio", "predicted_low", "predicted_high"] {
+        assert_eq!(cell(&rows, "auto: lane", column), cell(&rows, "auto", column), "{column}");
+    }
+    fails(
+        &bench,
+        &format!("{random} --experts lane,cornell"),
+        2,
+        &["'cornell'", "window of terms"],
+    );
+    fails(&bench, &format!("{random} --experts mine"), 2, &["'mine'", "there is lane"]);
 }
 
 /// What a signal leaves of a reference is said.

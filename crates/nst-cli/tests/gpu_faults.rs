@@ -20,7 +20,8 @@ const FAULTS_IN_USE: [(&str, &str); 3] = [
 ];
 
 fn job(backend: &str) -> String {
-    format!("render --scene {} --spp 16 --size 40x30 --json --backend {backend}", cornell())
+    let network = format!("--transform cornell --backend {backend}");
+    format!("render --scene {} --spp 16 --size 40x30 --json {network}", cornell())
 }
 
 /// The bits of T in `cornell.exr`.
@@ -113,7 +114,7 @@ fn a_gpu_that_fails_after_tracing_loses_no_sample() {
         let png = std::fs::read(bench.path("cornell.png")).expect("the PNG");
         assert!(png.starts_with(b"\x89PNG"), "{fault}");
         // What is missing can be had without tracing anew.
-        bench.succeed("transform seq.exr --backend cpu -o cornell.exr --quiet");
+        bench.succeed("transform seq.exr --transform cornell --backend cpu -o cornell.exr --quiet");
         assert_eq!(picture(&bench), expected, "{fault}");
     }
 }
@@ -128,7 +129,8 @@ fn a_stored_sequence_outlives_a_gpu_that_fails() {
     let expected = picture(&bench);
     let before = bench.snapshot();
     for (fault, words) in FAULTS_AT_START.into_iter().chain(FAULTS_IN_USE) {
-        let output = bench.nst_with("transform seq.exr --backend gpu", &[("NST_FAULT", fault)]);
+        let args = "transform seq.exr --transform cornell --backend gpu";
+        let output = bench.nst_with(args, &[("NST_FAULT", fault)]);
         let stderr = String::from_utf8(output.stderr).expect("UTF-8");
         assert_eq!(output.status.code(), Some(1), "{fault}: {stderr}");
         assert_eq!(stderr.matches("error: --backend gpu").count(), 1, "{fault}: {stderr}");
@@ -136,7 +138,7 @@ fn a_stored_sequence_outlives_a_gpu_that_fails() {
         assert!(bench.snapshot() == before, "{fault}");
     }
     for (fault, _) in FAULTS_IN_USE {
-        let args = "transform seq.exr --backend auto --quiet -o cornell.exr";
+        let args = "transform seq.exr --transform cornell --backend auto --quiet -o cornell.exr";
         let output = bench.nst_with(args, &[("NST_FAULT", fault)]);
         let stderr = String::from_utf8(output.stderr).expect("UTF-8");
         assert!(output.status.success(), "{fault}: {stderr}");

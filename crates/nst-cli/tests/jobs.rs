@@ -20,16 +20,16 @@ fn picture(path: &Path) -> Vec<f32> {
 fn render_writes_pictures_and_a_summary() {
     let bench = Bench::new();
     let scene = cornell();
-    let said = bench.succeed(&format!("render --scene {scene} --spp 8 --size 24x16 --backend cpu"));
+    let said = bench.succeed(&format!("render --scene {scene} --spp 16 --size 64x48"));
     assert_eq!(bench.files(), ["cornell.exr", "cornell.png"]);
     for word in
-        ["38 triangles", "24x16", "million paths per second", "transform  cornell", "cornell.exr"]
+        ["38 triangles", "64x48", "million paths per second", "transform  auto", "cornell.exr"]
     {
         assert!(said.contains(word), "'{word}' is not in:\n{said}");
     }
     let path = bench.path("cornell.exr");
     let (size, transformed) = read_layer(&path, "");
-    assert_eq!(size, [24, 16]);
+    assert_eq!(size, [64, 48]);
     let (_, plain) = read_layer(&path, "S");
     let (_, variance) = read_layer(&path, "Variance");
     assert!(transformed.iter().chain(&plain).chain(&variance).all(|x| x.is_finite()));
@@ -79,7 +79,7 @@ fn json_has_the_names_that_programs_read() {
         assert!(json.get(name).is_some(), "{name} is not in {said}");
     }
     assert_eq!(json["lanes"], 8 * 8 * 3);
-    assert_eq!(json["transform"], "cornell");
+    assert_eq!(json["transform"], "auto");
     let said = bench.succeed("transform seq.exr --json --backend cpu");
     let json: serde_json::Value = serde_json::from_str(&said).expect("one JSON object");
     assert!(names.iter().all(|name| json.get(*name).is_some()), "{said}");
@@ -90,7 +90,7 @@ fn json_has_the_names_that_programs_read() {
 fn transform_repeats_render(backend: &str) {
     let bench = Bench::new();
     let scene = cornell();
-    for method in ["", "--transform families", "--transform none"] {
+    for method in ["", "--transform cornell", "--transform families", "--transform none"] {
         let options = format!("{method} --backend {backend} --quiet");
         bench.succeed(&format!(
             "render --scene {scene} --spp 16 --size 40x30 --sequence seq.exr -o direct.exr {options}"
@@ -124,7 +124,8 @@ fn transform_repeats_render_on_the_gpu() {
 #[test]
 fn the_main_job_needs_no_vulkan_driver() {
     let bench = Bench::new();
-    let args = format!("render --scene {} --spp 8 --size 8x8 --json", cornell());
+    let args =
+        format!("render --scene {} --spp 8 --size 8x8 --transform cornell --json", cornell());
     let output = bench.nst_with(
         &args,
         &[("VK_DRIVER_FILES", "/nonexistent"), ("VK_ICD_FILENAMES", "/nonexistent")],
@@ -161,7 +162,7 @@ fn a_sequence_of_several_strips_gives_the_picture_of_its_rendering() {
     let bench = Bench::new();
     bench.write("pyramid.obj", PYRAMID);
     let render = "render --scene pyramid.obj --spp 8 --size 800x640 --max-depth 2 --quiet";
-    for (method, store) in [("ridge", "--sequence seq.exr"), ("prior-mean", "")] {
+    for (method, store) in [("ridge", "--sequence seq.exr"), ("prior-mean", ""), ("auto", "")] {
         bench.succeed(&format!("{render} --transform {method} -o direct.exr {store}"));
         bench.succeed(&format!("transform seq.exr --transform {method} -o stored.exr --quiet"));
         let [direct, stored] = ["direct.exr", "stored.exr"].map(|name| picture(&bench.path(name)));
@@ -179,7 +180,7 @@ fn any_obj_renders_without_sidecar_material_or_light() {
     let bench = Bench::new();
     bench.write("pyramid.obj", PYRAMID);
     let said = bench.succeed("render --scene pyramid.obj --spp 8 --size 32x32");
-    for word in ["frames the scene", "grey material", "a studio", "transform  none"] {
+    for word in ["frames the scene", "grey material", "a studio", "transform  auto"] {
         assert!(said.contains(word), "'{word}' is not in:\n{said}");
     }
     // The corner sees the background, the middle sees faces.
@@ -224,38 +225,6 @@ fn any_obj_renders_without_sidecar_material_or_light() {
         "",
         "line 3: [environment] light 'bright' is no light; there are studio, sky, white, none",
     );
-}
-
-#[test]
-fn auto_takes_the_network_of_the_scene_and_sampler_or_none() {
-    let bench = Bench::new();
-    let scene = cornell();
-    let center = "--pixel center --spp 8";
-    for (change, why) in [
-        (
-            "--max-depth 3 --spp 8",
-            "none (no network was trained on this very scene; with --max-depth 8, network \
-             'cornell' was)",
-        ),
-        (
-            &format!("{center} --max-depth 3"),
-            "none (no network was trained on this very scene; with --max-depth 2, network \
-             'cornell-direct' was)",
-        ),
-        ("--light sky --spp 8", "none (no network was trained on this very scene)"),
-        ("--spp 7", "none (network 'cornell' was trained on 8 to 64 samples per pixel"),
-        ("--spp 65", "none (network 'cornell' was trained on 8 to 64 samples per pixel"),
-        (
-            "--sampler halton --spp 8",
-            "none (network 'cornell' was trained on this scene with --sampler random)",
-        ),
-        (center, "cornell-depth-8 (trained on this scene"),
-        (&format!("{center} --sampler halton"), "cornell-depth-8-halton (trained on this scene"),
-        (&format!("{center} --max-depth 2"), "cornell-direct (trained on this scene"),
-    ] {
-        let said = bench.succeed(&format!("render --scene {scene} --size 4x4 {change}"));
-        assert!(said.contains(&format!("transform  {why}")), "{change}:\n{said}");
-    }
 }
 
 #[test]

@@ -41,6 +41,11 @@ pub trait Fitted: Send + Sync {
     /// Only for what concerns all lanes, such as a lost GPU.
     fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error>;
 
+    /// Whether the estimates come with [errors](Estimates::errors).
+    fn estimates_errors(&self) -> bool {
+        false
+    }
+
     /// What a method that measures its own gain has found.
     fn judgement(&self) -> Option<&Judgement> {
         None
@@ -50,6 +55,10 @@ pub trait Fitted: Send + Sync {
 impl<F: Fitted + ?Sized> Fitted for &F {
     fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
         (**self).apply(strip, out)
+    }
+
+    fn estimates_errors(&self) -> bool {
+        (**self).estimates_errors()
     }
 
     fn judgement(&self) -> Option<&Judgement> {
@@ -62,7 +71,8 @@ impl<F: Fitted + ?Sized> Fitted for &F {
 pub struct Requirements {
     /// How many of the last terms, at least 1. Where fewer are stored, all lanes keep S_n.
     pub window: usize,
-    /// The side channels without which all lanes keep S_n.
+    /// The side channels without which all lanes keep S_n. No others are read when the method
+    /// is [applied](Fitted::apply).
     pub sides: &'static [Side],
     /// The lanes that an estimate depends on, beside what was fitted.
     pub support: Support,
@@ -128,13 +138,16 @@ pub enum Status {
     Clamped,
     /// The batch lacks the fold means that the method reads.
     NoFolds,
+    /// An expert that others were weighed with has failed.
+    ExpertFailed,
 }
 
-/// One estimate and one [`Status`] per lane.
+/// One estimate and one [`Status`] per lane, and an error where the method estimates it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Estimates {
     values: Vec<f32>,
     status: Vec<Status>,
+    errors: Vec<f32>,
 }
 
 impl Estimates {
@@ -148,6 +161,13 @@ impl Estimates {
     #[must_use]
     pub fn status(&self) -> &[Status] {
         &self.status
+    }
+
+    /// The standard errors: the estimated roots of E[(T − I)²], `[lane]`. NaN where they are not
+    /// known; empty if the method estimates none.
+    #[must_use]
+    pub fn errors(&self) -> &[f32] {
+        &self.errors
     }
 
     /// How many lanes have the given status.
@@ -171,6 +191,13 @@ impl Estimates {
         self.values.extend_from_slice(&last);
         self.status.clear();
         self.status.resize(last.len(), status);
+        self.errors.clear();
+    }
+
+    /// Sets the errors of all lanes to NaN.
+    pub(crate) fn errors_unknown(&mut self) {
+        self.errors.clear();
+        self.errors.resize(self.values.len(), f32::NAN);
     }
 
     /// Makes room for `lanes` lanes, all [`Status::Ok`]. Returns the values `[lane]`, which
@@ -179,7 +206,15 @@ impl Estimates {
         self.values.resize(lanes, 0.0);
         self.status.clear();
         self.status.resize(lanes, Status::Ok);
+        self.errors.clear();
         (&mut self.values, &mut self.status)
+    }
+
+    /// As [`reset`](Self::reset); the [errors](Self::errors) come third, all NaN.
+    pub fn reset_with_errors(&mut self, lanes: usize) -> (&mut [f32], &mut [Status], &mut [f32]) {
+        self.reset(lanes);
+        self.errors_unknown();
+        (&mut self.values, &mut self.status, &mut self.errors)
     }
 }
 

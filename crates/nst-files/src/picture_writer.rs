@@ -16,6 +16,13 @@ pub struct PictureInfo {
     pub render_seconds: Option<f32>,
     /// The scene's fingerprint, as `nst.scene`.
     pub scene: Option<String>,
+    /// The experts that the estimates are blended of, with the means of their weights, as
+    /// `nst.expert`.
+    pub expert: Option<String>,
+    /// The MSE of the estimates that the blend predicts, relative to that of the plain ones, and
+    /// the ends of its 95 % interval, as `nst.predictedRatio`, `nst.predictedLow` and
+    /// `nst.predictedHigh`.
+    pub predicted: Option<[f32; 3]>,
     /// A hash of the reference that the main picture is the mean of, as `nst.reference`.
     pub reference: Option<String>,
 }
@@ -24,9 +31,14 @@ impl PictureInfo {
     fn attributes(&self) -> Attributes {
         let samples = self.samples_per_pixel.map(|it| i32::try_from(it).unwrap_or(i32::MAX));
         let text = |text: &Option<String>| text.clone().map(Attribute::Text);
+        let predicted = |i: usize| self.predicted.map(|of| Attribute::F32(of[i]));
         let all = [
             ("samplesPerPixel", samples.map(Attribute::I32)),
             ("renderTimeSeconds", self.render_seconds.map(Attribute::F32)),
+            ("nst.expert", text(&self.expert)),
+            ("nst.predictedRatio", predicted(0)),
+            ("nst.predictedLow", predicted(1)),
+            ("nst.predictedHigh", predicted(2)),
             ("nst.scene", text(&self.scene)),
             ("nst.reference", text(&self.reference)),
         ];

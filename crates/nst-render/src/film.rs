@@ -1,23 +1,25 @@
 //! The film: accumulates radiance samples into each pixel's sequence.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, ops::Range};
 
-use ndarray::Array2;
-use nst_core::{Grid, LaneSums, SequenceBatch, Side};
+use nst_core::{Grid, LaneSums, Side};
 
 use crate::{
-    Error, memory,
-    rendering::{CHANNELS, RenderSettings, Rendering},
+    Error,
+    develop::{Strip, TileView},
+    memory,
+    rendering::{CHANNELS, RenderSettings, Start},
     slots::Slots,
     tiles::{self, Tile},
 };
 
 /// The recorded numbers of the whole picture. The pixels of each plane are in the order of
 /// tiles.
+#[derive(Clone, Debug)]
 pub(crate) struct Film {
     grid: Grid,
-    size: [u32; 2],
-    slots: Slots,
+    pub(crate) size: [u32; 2],
+    pub(crate) slots: Slots,
     /// How many samples each pixel has.
     pub(crate) samples: u32,
     /// `[slot][channel][pixel]`
@@ -29,7 +31,7 @@ pub(crate) struct Film {
 }
 
 /// How many samples of a pixel counted as black, by its index in the tile.
-type Skipped = BTreeMap<u32, u32>;
+pub(crate) type Skipped = BTreeMap<u32, u32>;
 
 impl Film {
     /// An empty film for a picture of a size.
@@ -64,11 +66,11 @@ impl Film {
     /// As [`Self::new`]; [`Error::Settings`] if the rendering has another size or other
     /// terms, or has all samples already.
     pub(crate) fn of(
-        start: Rendering,
+        start: Start,
         settings: &RenderSettings,
         size: [u32; 2],
     ) -> Result<Self, Error> {
-        let Rendering { batch, mut sums, .. } = start;
+        let Start { batch, mut sums } = start;
         let counts = batch.sample_counts().to_vec();
         let samples = counts[counts.len() - 1];
         let lanes = CHANNELS * size[0] as usize * size[1] as usize;
@@ -120,28 +122,31 @@ impl Film {
             .collect()
     }
 
-    /// What was recorded, in rows: the sequences with their side channels, and the sums.
-    pub(crate) fn develop(self) -> Result<(SequenceBatch, Vec<LaneSums>), Error> {
-        let Self { grid, size, slots, samples, mut terms, mut sums, skipped } = self;
-        slots.sort(&mut terms, grid.lanes(), samples);
-        tiles::to_rows(&mut terms, size);
-        tiles::to_rows(&mut sums, size);
-        let terms = Array2::from_shape_vec((terms.len() / grid.lanes(), grid.lanes()), terms)
-            .expect("a slot has one number per lane");
-        let mut batch = SequenceBatch::new(terms, slots.sample_counts(samples))?;
-        batch.set_grid(grid)?;
-        batch.set_sums(&sums, samples)?;
-        if skipped.iter().any(|pixels| !pixels.is_empty()) {
-            let mut counts = vec![0.0; grid.pixels()];
-            for (tile, pixels) in tiles::tiles(size).zip(&skipped) {
-                for (&i, &count) in pixels {
-                    counts[tile.index(i as usize, size[0])] = count as f32;
-                }
-            }
-            batch.set_side(Side::Skipped, counts)?;
-        }
-        Ok((batch, sums))
+    /// Some rows, as far as they are recorded.
+    pub(crate) fn rows(&self, rows: Range<u32>) -> Strip<'_> {
+        let width = self.size[0];
+        let tiles = tiles::tiles(self.size).zip(&self.skipped);
+        let tiles =
+            tiles.filter(|(tile, _)| tile.y < rows.end && rows.start < tile.y + tile.height);
+        let view = |(tile, skipped): (Tile, _)| TileView {
+            tile,
+            sums: parts(&self.sums, self.grid.pixels(), &tile.place(width)),
+            terms: parts(&self.terms, self.grid.pixels(), &tile.place(width)),
+            skipped,
+        };
+        let tiles = tiles.map(view).collect();
+        Strip { rows, width, slots: self.slots, samples: self.samples, tiles }
     }
+
+    /// How many samples of the whole picture count as black.
+    pub(crate) fn skipped(&self) -> u64 {
+        self.skipped.iter().flat_map(BTreeMap::values).map(|&count| u64::from(count)).sum()
+    }
+}
+
+/// The same part of each image.
+fn parts<'a, T>(images: &'a [T], pixels: usize, place: &Range<usize>) -> Vec<&'a [T]> {
+    images.chunks_exact(pixels).map(|image| &image[place.clone()]).collect()
 }
 
 /// A tile's part of the [`Film`].
@@ -185,10 +190,12 @@ impl TileFilm<'_> {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use nst_core::Keep;
 
     use super::*;
-    use crate::SamplerKind;
+    use crate::{Rendering, SamplerKind};
 
     fn settings(spp: u32) -> RenderSettings {
         RenderSettings { spp, sampler: SamplerKind::Random, seed: 0, keep: Keep::Window(2) }
@@ -220,26 +227,22 @@ mod tests {
             6 => f64::INFINITY,
             _ => f64::from(index),
         };
-        let rendering = |film: Film| {
-            let (batch, sums) = film.develop()?;
-            let (time, build_time) = Default::default();
-            Ok::<_, Error>(Rendering { batch, sums, time, build_time })
-        };
         let mut film = Film::new(&settings(8), size)?;
         expose(&mut film, 0..5, odd);
-        let part = rendering(film)?;
-        assert_eq!(part.skipped(), 1);
-        let mut film = Film::of(part, &settings(8), size)?;
+        assert_eq!(film.skipped(), 1);
+        let part = Rendering::new(film, Duration::ZERO, Duration::ZERO);
+        let start = Start { batch: part.batch(), sums: part.sums(0..size[1]) };
+        let mut film = Film::of(start, &settings(8), size)?;
         expose(&mut film, 5..8, odd);
-        let whole = rendering(film)?;
-        assert_eq!(whole.skipped(), 2);
+        assert_eq!(film.skipped(), 2);
+        let whole = Rendering::new(film, Duration::ZERO, Duration::ZERO).batch();
         let (pixel, pixels) = (3 * width + 20, 37 * 18);
-        let counts = whole.batch.side(&Side::Skipped).expect("a count per pixel");
+        let counts = whole.side(&Side::Skipped).expect("a count per pixel");
         assert_eq!((counts[pixel], counts.iter().sum::<f32>()), (2.0, 2.0));
         // All channels of a sample are left out: 6 of 8 remain of 1 and of 2.
-        let of_channel = |channel: usize| whole.batch.last()[channel * pixels + pixel];
+        let of_channel = |channel: usize| whole.last()[channel * pixels + pixel];
         assert_eq!([0, 1, 2].map(of_channel), [0.75, (28.0 - 1.0 - 6.0) / 8.0, 1.5]);
-        let variance = whole.batch.side(&Side::Variance).expect("a variance");
+        let variance = whole.side(&Side::Variance).expect("a variance");
         assert!(variance[pixels + pixel] > 0.0 && variance.iter().all(|v| v.is_finite()));
         Ok(())
     }
@@ -252,10 +255,10 @@ mod tests {
             ([26_000, 26_000], 1 << 20, Keep::Window(1 << 20)),
         ] {
             let settings = RenderSettings { keep, ..settings(spp) };
-            let error = Film::new(&settings, size).err().expect("too large").to_string();
+            let error = Film::new(&settings, size).expect_err("too large").to_string();
             assert!(error.contains("GiB"), "{error}");
         }
-        let error = Film::new(&settings(1), [60_000, 60_000]).err().expect("too many pixels");
+        let error = Film::new(&settings(1), [60_000, 60_000]).expect_err("too many pixels");
         assert!(error.to_string().contains("too many"), "{error}");
     }
 }

@@ -2,7 +2,8 @@
 //! progressive estimates S_1 … S_N of its radiance.
 //!
 //! Data flow one way: [`Scene::load`] reads OBJ, MTL and the TOML sidecar;
-//! [`render()`] traces paths and accumulates a [`nst_core::SequenceBatch`].
+//! [`render()`] traces paths and accumulates the sums that a [`nst_core::SequenceBatch`] of some
+//! rows, or of all, is made from.
 //!
 //! Lanes are planar: lane = channel · width · height + y · width + x, with the
 //! channels R, G, B in linear sRGB primaries and y counted from the top.
@@ -11,6 +12,7 @@ mod accelerator;
 mod bsdf;
 mod camera;
 mod color;
+mod develop;
 mod environment;
 mod error;
 mod film;
@@ -36,7 +38,7 @@ pub use load::{Lighting, LoadOptions, View};
 pub use material::{Disney, Material, Relief, Scattering};
 pub use memory::check_memory;
 pub use render::{Control, render, render_from};
-pub use rendering::{RenderSettings, Rendering};
+pub use rendering::{RenderSettings, Rendering, RenderingStrips, Start};
 pub use sampler::{SampleStream, Sampler, SamplerKind};
 pub use scene::{Environment, Scene, Triangle};
 pub use texture::{Texture, TextureMap};

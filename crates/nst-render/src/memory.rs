@@ -1,7 +1,7 @@
 //! Checks whether a rendering fits into memory, before it begins.
 
 use bytemuck::Zeroable;
-use nst_core::{LaneSums, Side};
+use nst_core::LaneSums;
 
 use crate::{
     Error,
@@ -9,8 +9,7 @@ use crate::{
     slots::Slots,
 };
 
-/// Bytes that a rendering of a size takes: for each lane its terms and sums, and at the end
-/// the means of its folds, and the variance.
+/// Bytes that a rendering of a size takes: for each lane its terms and sums.
 pub(crate) fn needed(size: [u32; 2], settings: &RenderSettings) -> u128 {
     let pixels = u128::from(size[0]) * u128::from(size[1]);
     pixels * bytes_per_pixel(settings)
@@ -18,8 +17,7 @@ pub(crate) fn needed(size: [u32; 2], settings: &RenderSettings) -> u128 {
 
 fn bytes_per_pixel(settings: &RenderSettings) -> u128 {
     let slots = Slots::new(settings.keep, settings.spp).count() as u128;
-    let sides = Side::EVERY_OF_FOLDS.len() as u128 + 1;
-    CHANNELS as u128 * ((slots + sides) * size_of::<f32>() as u128 + size_of::<LaneSums>() as u128)
+    CHANNELS as u128 * (slots * size_of::<f32>() as u128 + size_of::<LaneSums>() as u128)
 }
 
 /// Fails if a rendering needs more memory than is free, before anything is allocated;
@@ -94,14 +92,14 @@ mod tests {
     use super::*;
     use crate::SamplerKind;
 
-    /// In 128 MiB; a lane takes 4 bytes for each term and side channel, and 96 for its sums.
+    /// In 128 MiB; a lane takes 4 bytes for each term, and 96 for its sums.
     #[test]
     fn what_would_fit_is_neither_nothing_nor_too_much() {
         for (size, spp, expected) in [
-            ([4000, 1000], 8, "997x249 pixels would fit"),
-            ([16, 16], 2_000_000, "2x2 pixels, or 43653 stored terms of each pixel would fit"),
-            ([16, 16], 4_000_000_000, "43653 stored terms of each pixel would fit"),
-            ([16000, 16000], 4_000_000_000, "542x542 pixels with one stored term each would fit"),
+            ([4000, 1000], 8, "1182x295 pixels would fit"),
+            ([16, 16], 2_000_000, "2x2 pixels, or 43666 stored terms of each pixel would fit"),
+            ([16, 16], 4_000_000_000, "43666 stored terms of each pixel would fit"),
+            ([16000, 16000], 4_000_000_000, "668x668 pixels with one stored term each would fit"),
         ] {
             let settings =
                 RenderSettings { spp, sampler: SamplerKind::Random, seed: 0, keep: Keep::All };

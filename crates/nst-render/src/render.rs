@@ -16,7 +16,7 @@ use crate::{
     camera::Projection,
     film::{Film, TileFilm},
     path::{PathTracer, Workspace},
-    rendering::{CHANNELS, RenderSettings, Rendering},
+    rendering::{CHANNELS, RenderSettings, Rendering, Start},
     tiles::Tile,
 };
 
@@ -66,7 +66,7 @@ pub fn render(
 /// As [`render()`]; and if `start` has as many samples already, another size, or other
 /// terms.
 pub fn render_from(
-    start: Option<Rendering>,
+    start: Option<Start>,
     scene: &Scene,
     settings: &RenderSettings,
     control: Control<'_>,
@@ -88,8 +88,7 @@ pub fn render_from(
     // how long the others will take.
     tiles.sort_by_cached_key(|(tile, _)| mix(tile.index(0, scene.size[0]) as u64));
     film.samples = frame.trace_passes(samples, &mut tiles, settings.spp, control);
-    let (batch, sums) = film.develop()?;
-    Ok(Rendering { batch, sums, time: begin.elapsed(), build_time })
+    Ok(Rendering::new(film, begin.elapsed(), build_time))
 }
 
 /// What the pixels of a picture have in common.
@@ -212,8 +211,13 @@ mod tests {
         Scene { size: [37, 18], ..Scene::load(&path).expect("the scene") }
     }
 
+    fn start(rendering: &Rendering) -> Start {
+        let [_, height] = rendering.size();
+        Start { batch: rendering.batch(), sums: rendering.sums(0..height) }
+    }
+
     /// Stops after some passes.
-    fn stopped(start: Option<Rendering>, settings: &RenderSettings, passes: u32) -> Rendering {
+    fn stopped(start: Option<Start>, settings: &RenderSettings, passes: u32) -> Rendering {
         let done = AtomicU32::new(0);
         let stop = || done.fetch_add(1, Ordering::Relaxed) + 1 == passes;
         let control = Control { progress: &|_| {}, stop: &stop };
@@ -227,13 +231,13 @@ mod tests {
                 let settings = RenderSettings { spp: 41, sampler, seed: 3, keep };
                 let whole = render(&scene(), &settings, &|_| {}).expect("the scene renders");
                 let mut part = stopped(None, &settings, 1);
-                assert_eq!(part.batch.sample_counts().last(), Some(&16));
-                part = stopped(Some(part), &RenderSettings { spp: 18, ..settings }, 9);
-                part = stopped(Some(part), &RenderSettings { spp: 19, ..settings }, 9);
-                assert_ne!(part.batch, whole.batch);
-                let part = stopped(Some(part), &settings, 9);
-                assert_eq!(part.batch, whole.batch);
-                assert_eq!(part.sums, whole.sums);
+                assert_eq!(part.samples(), 16);
+                part = stopped(Some(start(&part)), &RenderSettings { spp: 18, ..settings }, 9);
+                part = stopped(Some(start(&part)), &RenderSettings { spp: 19, ..settings }, 9);
+                assert_ne!(part.batch(), whole.batch());
+                let part = stopped(Some(start(&part)), &settings, 9);
+                assert_eq!(part.batch(), whole.batch());
+                assert_eq!(part.sums(0..18), whole.sums(0..18));
             }
         }
     }
@@ -252,7 +256,7 @@ mod tests {
     fn what_does_not_fit_is_not_continued() {
         let settings =
             RenderSettings { spp: 9, sampler: SamplerKind::Random, seed: 3, keep: Keep::Window(4) };
-        let whole = || render(&scene(), &settings, &|_| {}).expect("the scene renders");
+        let whole = || start(&render(&scene(), &settings, &|_| {}).expect("the scene renders"));
         let more = RenderSettings { spp: 12, ..settings };
         let control = Control { progress: &|_| {}, stop: &|| false };
         assert!(render_from(Some(whole()), &scene(), &more, control).is_ok());

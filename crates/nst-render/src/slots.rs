@@ -31,19 +31,11 @@ impl Slots {
         power.into_iter().chain(ring)
     }
 
-    /// Puts the slots in the order of [`Slots::sample_counts`] after n samples, and
-    /// drops the others. A slot is `plane` numbers long.
-    pub(crate) fn sort(&self, terms: &mut Vec<f32>, plane: usize, n: u32) {
-        let ring = &mut terms[self.powers * plane..];
-        if n >= self.ring {
-            ring.rotate_left((n % self.ring) as usize * plane);
-        }
-        let window = self.ring.min(n) as usize;
-        terms.truncate((self.powers + window) * plane);
-        // Powers of two that the window contains as well.
-        let early = self.sample_counts(n).len() - window;
-        terms.drain(early * plane..self.powers * plane);
-        terms.shrink_to_fit();
+    /// The slots of the terms that are kept after n samples, in the order of
+    /// [`Slots::sample_counts`].
+    pub(crate) fn sorted(&self, n: u32) -> Vec<usize> {
+        let slot = |count| self.of(count, n).next().expect("a slot for each term that is kept");
+        self.sample_counts(n).into_iter().map(slot).collect()
     }
 
     /// The number of samples behind each term that is kept after n, increasing.
@@ -70,8 +62,8 @@ mod tests {
                         slots.of(term, end).for_each(|slot| terms[slot] = term as f32);
                     }
                     n = end;
-                    let mut sorted = terms.clone();
-                    slots.sort(&mut sorted, 1, n);
+                    let sorted: Vec<f32> =
+                        slots.sorted(n).iter().map(|&slot| terms[slot]).collect();
                     let counts = slots.sample_counts(n);
                     assert_eq!(sorted, counts.iter().map(|&n| n as f32).collect::<Vec<_>>());
                 }

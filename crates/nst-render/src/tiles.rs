@@ -1,11 +1,13 @@
 //! The tiles of a picture: the units of work of threads, and the order of pixels in memory
 //! during a rendering.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 /// Pixels along the side of a tile: enough to fill packets, and small enough that all
 /// threads have work almost until the end.
-const TILE: u32 = 16;
+pub(crate) const TILE: u32 = 16;
 
 /// A rectangle of pixels.
 #[derive(Clone, Copy, Debug)]
@@ -19,6 +21,18 @@ pub(crate) struct Tile {
 impl Tile {
     pub(crate) fn pixels(&self) -> usize {
         (self.width * self.height) as usize
+    }
+
+    /// Where its pixels are in an image that is stored tile by tile.
+    pub(crate) fn place(&self, width: u32) -> Range<usize> {
+        let start = self.y as usize * width as usize + self.x as usize * self.height as usize;
+        start..start + self.pixels()
+    }
+
+    /// The pixels of the tile, counted row by row, that are in a row of the picture.
+    pub(crate) fn row(&self, y: u32) -> Range<usize> {
+        let start = ((y - self.y) * self.width) as usize;
+        start..start + self.width as usize
     }
 
     /// The index in the picture of a pixel of the tile, row by row.
@@ -62,38 +76,19 @@ pub(crate) fn split<'a, T>(
     parts
 }
 
-/// Turns images that are stored row by row into images that are stored tile by tile.
-pub(crate) fn to_tiles<T: Copy + Send>(images: &mut [T], size: [u32; 2]) {
-    reorder(images, size, |tiled, row| (tiled, row));
-}
-
-/// The inverse of [`to_tiles`].
-pub(crate) fn to_rows<T: Copy + Send>(images: &mut [T], size: [u32; 2]) {
-    reorder(images, size, |tiled, row| (row, tiled));
-}
-
-/// Moves each row of each tile. `places` gets the index of the row in the order of tiles
-/// and in the order of rows, and returns (to, from). In both orders, a row of tiles is the
-/// same part of the image, so that each can be reordered alone.
-fn reorder<T: Copy + Send>(
-    images: &mut [T],
-    [width, height]: [u32; 2],
-    places: impl Fn(usize, usize) -> (usize, usize) + Sync,
-) {
-    let (width, pixels) = (width as usize, width as usize * height as usize);
+/// Turns images that are stored row by row into images that are stored tile by tile. In both
+/// orders a row of tiles is the same part of the image, so that each can be reordered alone.
+pub(crate) fn to_tiles<T: Copy + Send>(images: &mut [T], [width, height]: [u32; 2]) {
+    let pixels = width as usize * height as usize;
     images.par_chunks_exact_mut(pixels).for_each(|image| {
-        let mut old = Vec::new();
-        for band in image.chunks_mut(TILE as usize * width) {
-            old.clear();
-            old.extend_from_slice(band);
-            let mut tiled = 0;
-            for x in (0..width).step_by(TILE as usize) {
-                let length = width.min(x + TILE as usize) - x;
-                for y in 0..band.len() / width {
-                    let (to, from) = places(tiled, y * width + x);
-                    band[to..to + length].copy_from_slice(&old[from..from + length]);
-                    tiled += length;
-                }
+        let mut rows = Vec::new();
+        for band in image.chunks_mut(TILE as usize * width as usize) {
+            rows.clear();
+            rows.extend_from_slice(band);
+            let height = (band.len() / width as usize) as u32;
+            for tile in tiles([width, height]) {
+                let part = band[tile.place(width)].iter_mut().enumerate();
+                part.for_each(|(i, pixel)| *pixel = rows[tile.index(i, width)]);
             }
         }
     });
@@ -111,6 +106,7 @@ mod tests {
             let rows: Vec<usize> = (0..pixels).chain(0..pixels).collect();
             let mut images = rows.clone();
             to_tiles(&mut images, size);
+            let image = images[..pixels].to_vec();
             let parts = split(images.chunks_exact_mut(pixels), size);
             assert_eq!(parts.len(), tiles(size).count());
             for (tile, parts) in tiles(size).zip(parts) {
@@ -120,9 +116,13 @@ mod tests {
                 });
                 let numbers: Vec<usize> = numbers.collect();
                 assert!(parts.iter().all(|part| **part == numbers));
+                assert_eq!(image[tile.place(size[0])], numbers);
+                for y in tile.y..tile.y + tile.height {
+                    let first = (y * size[0] + tile.x) as usize;
+                    let row: Vec<usize> = (first..first + tile.width as usize).collect();
+                    assert_eq!(numbers[tile.row(y)], row);
+                }
             }
-            to_rows(&mut images, size);
-            assert_eq!(images, rows);
         }
     }
 }

@@ -24,7 +24,7 @@ const DOWN: &str = "position = [0, 3, 0]\ntarget = [0, 0, 0]\nup = [0, 0, -1]\nv
 fn statistics(scene: &Scene, spp: u32) -> [f64; 2] {
     let settings =
         RenderSettings { spp, sampler: SamplerKind::Random, seed: 1, keep: Keep::Window(1) };
-    let batch = render(scene, &settings, &|_| {}).expect("the scene renders").batch;
+    let batch = render(scene, &settings, &|_| {}).expect("the scene renders").batch();
     let variance = batch.side(&Side::Variance).expect("a variance");
     let n = variance.len() as f64;
     let mean = batch.last().iter().copied().map(f64::from).sum::<f64>() / n;

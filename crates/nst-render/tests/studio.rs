@@ -106,7 +106,7 @@ fn levels(scene: &Scene, spp: u32) -> Vec<f64> {
         RenderSettings { spp, sampler: SamplerKind::Halton, seed: 1, keep: Keep::Window(1) };
     let rendering = render(scene, &settings, &|_| {}).expect("the scene renders");
     let pixels = (SIZE[0] * SIZE[1]) as usize;
-    let linear = rendering.batch.last();
+    let linear = rendering.last();
     let srgb = |&x: &f32| {
         let x = f64::from(x).clamp(0.0, 1.0);
         255.0 * if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
@@ -200,7 +200,7 @@ fn lamps_are_not_in_the_picture() {
             };
             let rendering = render(&scene, &settings, &|_| {}).expect("the scene renders");
             let background = scene.environment.background.expect("a studio").x;
-            let brightest = rendering.batch.last().iter().copied().fold(0.0, f32::max);
+            let brightest = rendering.last().iter().copied().fold(0.0, f32::max);
             assert!(
                 (brightest / background - 1.0).abs() < 1e-5,
                 "{position:?}, {fov}: {brightest}"

@@ -6,7 +6,7 @@ use clap::Subcommand;
 
 use super::{
     common::CommonArgs,
-    method::{BackendArg, TransformArg, transform},
+    method::{BackendArg, ExpertArg, TransformArg, expert, transform},
     picture::{NamedPicture, named_picture},
     render::{PixelArg, SamplerArg},
     values::{count, ending_in, seed, size},
@@ -21,7 +21,7 @@ pub(crate) struct BenchArgs {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Bench {
-    Scene(BenchSceneArgs),
+    Scene(Box<BenchSceneArgs>),
     Stability(BenchStabilityArgs),
 }
 
@@ -75,6 +75,10 @@ pub(crate) struct BenchSceneArgs {
     /// Methods to compare, beside the plain estimate. [default: all]
     #[arg(long, value_name = "METHOD", value_delimiter = ',', num_args = 1.., hide_possible_values = true, value_parser = transform())]
     pub(crate) transform: Vec<TransformArg>,
+    /// Experts that `auto` may trust; with other names than `auto` alone, the table can compare
+    /// several lists. [default: lane]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = expert)]
+    pub(crate) experts: Vec<ExpertArg>,
     /// Also measure networks of these safetensors files, under the names of the files. A bench
     /// that goes on measures them anew, as they may have changed.
     #[arg(long, value_name = "FILE", num_args = 1..)]

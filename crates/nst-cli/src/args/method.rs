@@ -1,6 +1,9 @@
 //! Which transformation, and what it runs on.
 
-use std::path::PathBuf;
+use std::{
+    fmt,
+    path::{Path, PathBuf},
+};
 
 use clap::{
     ValueEnum,
@@ -8,11 +11,17 @@ use clap::{
 };
 use nst_core::{Network, methods::METHODS};
 
+use super::values::has_extension;
+
 #[derive(Debug, clap::Args)]
 pub(crate) struct MethodArgs {
     /// What makes better estimates of the plain ones.
     #[arg(long, value_name = "METHOD", default_value = "auto", value_parser = transform())]
     pub(crate) transform: TransformArg,
+    /// The experts that `auto` may trust: `lane`, which are three that learn from the picture
+    /// itself. [default: lane]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = expert, conflicts_with = "weights")]
+    pub(crate) experts: Vec<ExpertArg>,
     /// Use the network of this safetensors file.
     #[arg(long, value_name = "FILE", conflicts_with = "transform")]
     pub(crate) weights: Option<PathBuf>,
@@ -32,21 +41,79 @@ pub(crate) enum BackendArg {
     Cpu,
 }
 
+/// What the guard is called, here and in [`METHODS`].
+const AUTO: &str = "auto";
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TransformArg {
+    /// The guard.
     Auto,
     None,
     /// The name of a network of [`Network::builtins`].
     Builtin(&'static str),
-    /// A name in [`METHODS`].
+    /// Another name in [`METHODS`].
     Method(&'static str),
+}
+
+/// What the guard may blend.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum ExpertArg {
+    /// The guard's own, which learn from the lanes of the batch.
+    Lane,
+    /// A built-in network.
+    Builtin(&'static str),
+    /// The network of a file.
+    Weights(PathBuf),
+}
+
+impl ExpertArg {
+    /// The file that it is read from.
+    pub(crate) fn file(&self) -> Option<&PathBuf> {
+        match self {
+            Self::Weights(path) => Some(path),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for ExpertArg {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Lane => f.write_str(LANE),
+            Self::Builtin(name) => f.write_str(name),
+            Self::Weights(path) => path.display().fmt(f),
+        }
+    }
+}
+
+impl MethodArgs {
+    /// The files that are read for the method.
+    pub(crate) fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.weights.iter().chain(self.experts.iter().filter_map(ExpertArg::file))
+    }
+}
+
+/// What the guard's own experts are called.
+const LANE: &str = "lane";
+
+/// Takes the name of an expert.
+pub(super) fn expert(text: &str) -> Result<ExpertArg, String> {
+    let path = Path::new(text);
+    match TransformArg::named(text) {
+        _ if text == LANE => Ok(ExpertArg::Lane),
+        Some(TransformArg::Builtin(name)) => Ok(ExpertArg::Builtin(name)),
+        _ if has_extension(path, "safetensors") => Ok(ExpertArg::Weights(path.to_owned())),
+        _ => {
+            Err(format!("there is no expert '{text}'; there is {LANE}, which are the guard's own"))
+        }
+    }
 }
 
 impl TransformArg {
     /// What the command line calls it.
     pub(crate) fn name(self) -> &'static str {
         match self {
-            Self::Auto => "auto",
+            Self::Auto => AUTO,
             Self::None => "none",
             Self::Builtin(name) | Self::Method(name) => name,
         }
@@ -76,12 +143,13 @@ pub(super) fn transform() -> impl TypedValueParser<Value = TransformArg> {
 fn known() -> impl Iterator<Item = (&'static str, &'static str, TransformArg)> {
     let builtin = Network::builtins().map(|it| it.name());
     let builtin = builtin.map(|name| (name, "a built-in network", TransformArg::Builtin(name)));
-    let methods = METHODS.iter().map(|&(name, about)| (name, about, TransformArg::Method(name)));
-    let auto = "the built-in network that was trained on exactly this scene, or else none";
-    [("auto", auto, TransformArg::Auto), ("none", "the plain estimates", TransformArg::None)]
-        .into_iter()
-        .chain(builtin)
-        .chain(methods)
+    let methods = METHODS.iter().map(|&(name, about)| {
+        let arg = if name == AUTO { TransformArg::Auto } else { TransformArg::Method(name) };
+        (name, about, arg)
+    });
+    let (auto, methods): (Vec<_>, Vec<_>) = methods.partition(|it| it.2 == TransformArg::Auto);
+    let none = ("none", "the plain estimates", TransformArg::None);
+    auto.into_iter().chain([none]).chain(builtin).chain(methods)
 }
 
 #[cfg(test)]
@@ -104,6 +172,14 @@ mod tests {
         };
         assert_eq!(parsed("cornell"), Ok(TransformArg::Builtin("cornell")));
         assert_eq!(parsed("levin-u"), Ok(TransformArg::Method("levin-u")));
+        assert_eq!(parsed("auto"), Ok(TransformArg::Auto));
         assert!(parsed("Cornell").is_err_and(|error| error.contains("families")));
+        assert!(parsed("guard").is_err());
+        let mut names: Vec<_> = known().map(|it| it.0).collect();
+        assert_eq!(names[..2], ["auto", "none"]);
+        let count = names.len();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), count, "a name stands for one method");
     }
 }

@@ -20,7 +20,7 @@ use clap::{Parser, Subcommand};
 pub(crate) use bench::{Bench, BenchArgs, BenchSceneArgs, BenchStabilityArgs};
 pub(crate) use chart::ChartArgs;
 pub(crate) use common::CommonArgs;
-pub(crate) use method::{BackendArg, MethodArgs, TransformArg};
+pub(crate) use method::{BackendArg, ExpertArg, MethodArgs, TransformArg};
 pub(crate) use pack::{PackArgs, PackAs};
 pub(crate) use picture::NamedPicture;
 #[cfg(feature = "render")]

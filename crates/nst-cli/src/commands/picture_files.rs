@@ -1,9 +1,14 @@
 //! The files of a picture: EXR and PNG, or PNG alone.
 
-use std::path::Path;
+use std::{borrow::Cow, path::Path};
 
-use nst_core::{SequenceBatch, Side};
-use nst_files::output::{Kind, Name, OutputFile, Outputs, commit};
+use nst_core::{SequenceBatch, Side, guard::Judgement};
+use nst_files::{
+    ColorModel,
+    output::{Kind, Name, OutputFile, Outputs, commit},
+    picture_writer::{PictureInfo, PictureWriter},
+    png::PngWriter,
+};
 
 use crate::{args::has_extension, error::Error};
 
@@ -14,11 +19,31 @@ pub(super) fn layers<'a>(batch: &'a SequenceBatch, values: &'a [f32]) -> Vec<(&'
     layers
 }
 
+/// What the header of a picture says: the samples behind it, how long they took where that is
+/// known, and what a method that measures its own gain has found.
+pub(super) fn header(
+    samples: u32,
+    render_seconds: Option<f32>,
+    judgement: Option<&Judgement>,
+) -> PictureInfo {
+    let expert = judgement.map(|it| {
+        let experts: Vec<_> = it.experts.iter().map(|(name, w)| format!("{name} {w:.4}")).collect();
+        if experts.is_empty() { "none".to_owned() } else { experts.join(", ") }
+    });
+    PictureInfo {
+        samples_per_pixel: Some(samples),
+        render_seconds,
+        expert,
+        predicted: judgement.map(|it| [it.ratio, it.interval[0], it.interval[1]].map(|x| x as f32)),
+        ..PictureInfo::default()
+    }
+}
+
 /// Where a picture goes. All of it is there at the end, or nothing.
 pub(super) struct PictureFiles {
     /// Left out if the user asked for a PNG.
-    pub(super) exr: Option<OutputFile>,
-    pub(super) png: OutputFile,
+    exr: Option<OutputFile>,
+    png: OutputFile,
 }
 
 impl PictureFiles {
@@ -33,11 +58,64 @@ impl PictureFiles {
         Ok(Self { exr: Some(exr), png })
     }
 
+    /// Begins to write. The EXR has the layers `S`, `Variance` if there is that side channel, and
+    /// `StdError` if errors are estimated.
+    pub(super) fn begin(
+        &mut self,
+        size: [u32; 2],
+        model: ColorModel,
+        sides: &[Side],
+        errors: bool,
+        info: &PictureInfo,
+    ) -> Result<PictureRows<'_>, Error> {
+        let mut layers = vec!["", "S"];
+        layers.extend(sides.contains(&Side::Variance).then_some("Variance"));
+        layers.extend(errors.then_some("StdError"));
+        let exr = self.exr.as_mut();
+        let exr = exr.map(|exr| PictureWriter::create(exr, size, model, &layers, info));
+        let png = PngWriter::create(&mut self.png, size)?;
+        Ok(PictureRows { exr: exr.transpose()?, png, channels: model.channels().len() })
+    }
+
     /// Puts the files in their places; returns their paths.
     pub(super) fn commit(self) -> Result<Vec<String>, Error> {
         let files: Vec<_> = self.exr.into_iter().chain([self.png]).collect();
         let paths = files.iter().map(|file| file.path().display().to_string()).collect();
         commit(files)?;
         Ok(paths)
+    }
+}
+
+/// The files of a picture while they are written, some rows at a time.
+pub(super) struct PictureRows<'a> {
+    exr: Option<PictureWriter<'a>>,
+    png: PngWriter<'a>,
+    channels: usize,
+}
+
+impl PictureRows<'_> {
+    /// Writes a strip, without its halo, its estimates, and their errors if there are any.
+    pub(super) fn push(
+        &mut self,
+        strip: &SequenceBatch,
+        values: &[f32],
+        errors: Option<&[f32]>,
+    ) -> Result<(), Error> {
+        let inner = |lanes| strip.grid().map_or(Cow::Borrowed(lanes), |grid| grid.inner(lanes));
+        let plain = layers(strip, values).into_iter().skip(1).map(|(_, lanes)| inner(lanes));
+        let plain: Vec<Cow<'_, [f32]>> = plain.collect();
+        let layers = [values].into_iter().chain(plain.iter().map(AsRef::as_ref)).chain(errors);
+        let layers: Vec<&[f32]> = layers.collect();
+        let (exr, png) = rayon::join(
+            || self.exr.as_mut().map_or(Ok(()), |exr| exr.push(&layers)),
+            || self.png.push(values, self.channels),
+        );
+        Ok(exr.and(png)?)
+    }
+
+    /// Completes the files, of which all rows must have been written.
+    pub(super) fn finish(self) -> Result<(), Error> {
+        self.exr.map_or(Ok(()), PictureWriter::finish)?;
+        Ok(self.png.finish()?)
     }
 }

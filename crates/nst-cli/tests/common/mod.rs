@@ -107,7 +107,8 @@ impl Bench {
     /// Whether there is an adapter, as NST_GPU allows; says so if there is none.
     pub(crate) fn has_gpu(&self) -> bool {
         let mode = std::env::var("NST_GPU").unwrap_or_else(|_| "auto".into());
-        let probe = format!("render --scene {} --spp 8 --size 4x4 --backend gpu", cornell());
+        let options = "--spp 8 --size 4x4 --transform cornell --backend gpu";
+        let probe = format!("render --scene {} {options}", cornell());
         let usable = mode != "off" && self.nst(&probe).status.success();
         assert!(usable || mode != "require", "NST_GPU=require, but --backend gpu fails");
         if !usable {

@@ -4,8 +4,8 @@
 /// nearest of the two.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hats<const N: usize> {
-    pub(super) low: f64,
-    pub(super) high: f64,
+    pub(super) low: f32,
+    pub(super) high: f32,
 }
 
 /// The two knots beside a number: the first, and the share of the second.
@@ -22,21 +22,31 @@ impl<const N: usize> Hats<N> {
     }
 
     /// Where a number lies; a NaN lies at the low end.
-    pub(super) fn place(&self, x: f64) -> Place {
-        let steps = (N - 1) as f64;
-        let x = if x.is_nan() { self.low } else { x.clamp(self.low, self.high) };
-        let at = (x - self.low) / (self.high - self.low) * steps;
+    #[inline(always)]
+    pub(super) fn place(&self, x: f32) -> Place {
+        let per_step = (N - 1) as f32 / (self.high - self.low);
+        let at = (x.max(self.low).min(self.high) - self.low) * per_step;
         let first = (at as usize).min(N - 2);
-        Place { first: first as u8, share: (at - first as f64) as f32 }
+        Place { first: first as u8, share: at - first as f32 }
     }
 }
 
 impl Place {
     /// Both knots with their shares.
+    #[inline(always)]
     pub(super) fn knots(&self) -> [(usize, f64); 2] {
         let (first, share) = (usize::from(self.first), f64::from(self.share));
         [(first, 1.0 - share), (first + 1, share)]
     }
+}
+
+/// The four cells of a grid that a pair of places lies between, with its shares of them; cells
+/// are numbered row by row.
+#[inline(always)]
+pub(super) fn grid_cells(row: Place, column: Place, columns: usize) -> [(usize, f64); 4] {
+    let ([(top, a), (bottom, b)], [(left, c), (right, d)]) = (row.knots(), column.knots());
+    let (top, bottom) = (top * columns, bottom * columns);
+    [(top + left, a * c), (top + right, a * d), (bottom + left, b * c), (bottom + right, b * d)]
 }
 
 #[cfg(test)]
@@ -52,18 +62,18 @@ mod tests {
             (-1.25, 0, 0.75),
             (0.5, 2, 0.5),
             (2.0, 3, 1.0),
-            (f64::INFINITY, 3, 1.0),
-            (f64::NAN, 0, 0.0),
+            (f32::INFINITY, 3, 1.0),
+            (f32::NAN, 0, 0.0),
         ] {
             assert_eq!(hats.place(x), Place { first, share }, "{x}");
         }
         // What is linear between knots is found again.
         let line = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|x| 3.0 * x + 1.0);
-        for x in [-1.9, -0.3, 0.0, 1.7] {
+        for x in [-1.9_f32, -0.3, 0.0, 1.7] {
             let between: f64 =
                 hats.place(x).knots().iter().map(|(knot, share)| share * line[*knot]).sum();
             // Shares are in f32.
-            assert!((between - (3.0 * x + 1.0)).abs() < 1e-6);
+            assert!((between - (3.0 * f64::from(x) + 1.0)).abs() < 1e-6);
         }
     }
 }

@@ -6,7 +6,8 @@ use rayon::prelude::*;
 use super::{
     sample::SHARE,
     simplex::MOST,
-    weights::{Changes, Weights},
+    table::PIXELS_PER_TASK,
+    weights::{Changes, STRATA, Strata, Weights, cells, shared},
 };
 
 /// Half the width of the interval: standard errors of the sums, a constant, and a share of 1/n,
@@ -38,65 +39,138 @@ impl Judgement {
     }
 }
 
-/// Judges weights by the half of the pixels that they were not learnt from.
+/// The error of T relative to that of S, in each stratum: the root of the MSE ratio.
+#[derive(Clone, Debug)]
+pub(super) struct ErrorRatios([f64; STRATA]);
+
+impl ErrorRatios {
+    /// That of a lane.
+    #[inline(always)]
+    pub(super) fn at(&self, strata: Strata) -> f64 {
+        cells(strata).iter().map(|&(cell, share)| share * self.0[cell]).sum()
+    }
+}
+
+/// What an estimated MSE ratio of a stratum may be.
+const RATIOS: [f64; 2] = [0.05, 1.2];
+
+/// Judges weights by the half of the pixels that they were not learnt from. With the judgement
+/// comes the error that T has in each stratum, relative to that of S.
 ///
-/// With the change d of a lane by its weights, d² − 2 d (I − S) is what changes of its squared
-/// error. Where fold j is held out, d_j (h_j − S_j) has the expectation of d_j (I − S_j), which
-/// is taken to be larger than that of d (I − S) in proportion to the variances of S_j and S.
+/// With the change d of a lane by its weights, δ = d² − 2 d (I − S) is what changes of its
+/// squared error. Where fold j is held out, d_j (h_j − S_j) has the expectation of d_j (I − S_j),
+/// which is taken to be larger than that of d (I − S) in proportion to the variances of S_j and
+/// S.
 pub(super) fn judge(
     changes: &Changes<'_>,
     weights: &Weights,
     names: Vec<String>,
     notes: Vec<String>,
-) -> Judgement {
+) -> (Judgement, ErrorRatios) {
     let sample = changes.sample;
-    let all_folds = changes.missing.len();
-    let judged: Vec<([f64; 2], [f64; MOST])> = sample
-        .pixels
-        .par_iter()
-        .enumerate()
-        .map(|(pixel, of_pixel)| {
-            let [mut change, mut variance] = [0.0; 2];
-            let mut trust = [0.0; MOST];
-            for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
-                let blend = |group: usize| {
-                    let w = weights.at(changes.strata[group][lane], of_pixel.half);
-                    let d =
-                        changes.of_lane(group, lane).into_iter().zip(w).map(|(d, w)| d * w).sum();
-                    (d, w)
-                };
-                let products = changes.missing.iter().enumerate().map(|(group, missing)| {
-                    let (d, _): (f64, _) = blend(group);
-                    d * f64::from(missing[lane]) / all_folds as f64
-                });
-                let product: f64 = products.sum();
-                let (d, w) = blend(all_folds);
-                change += d * d - 2.0 * SHARE * product;
-                variance += changes.views[all_folds].numbers[lane].variance;
-                trust.iter_mut().zip(w).for_each(|(trust, w)| *trust += w);
-            }
-            ([change, variance], trust)
-        })
+    let tasks = sample.pixels.len().div_ceil(PIXELS_PER_TASK);
+    let parts: Vec<Judged> = (0..tasks)
+        .into_par_iter()
+        .map(|task| Judged::of(changes, weights, task * PIXELS_PER_TASK))
         .collect();
-    let pixels: Vec<[f64; 2]> = judged.iter().map(|(pixel, _)| *pixel).collect();
-    let mut trust = [0.0; MOST];
-    for (_, of_pixel) in &judged {
-        trust.iter_mut().zip(of_pixel).for_each(|(sum, trust)| *sum += trust);
-    }
-    let lanes = sample.lanes.len().max(1) as f64;
+    let mut judged = Judged::none();
+    parts.into_iter().for_each(|part| judged.add(part));
+    let lanes = sample.lanes().max(1) as f64;
     let samples: f64 = sample.counts.iter().sum();
-    let (gain, error) = ratio(&pixels);
+    let (gain, error) = ratio(&judged.pixels);
     let ratio = (1.0 + gain).max(0.0);
-    let half = if trust.iter().all(|&sum| sum == 0.0) {
+    let half = if judged.trust.iter().all(|&sum| sum == 0.0) {
         0.0
     } else {
         ERRORS * error + CONSTANT + FEW_SAMPLES / samples
     };
-    Judgement {
-        experts: names.into_iter().zip(trust.map(|sum| sum / lanes)).collect(),
+    let judgement = Judgement {
+        experts: names.into_iter().zip(judged.trust.map(|sum| sum / lanes)).collect(),
         ratio,
         interval: [(ratio - half).max(0.0), ratio + half],
         notes,
+    };
+    (judgement, judged.error_ratios())
+}
+
+/// What is judged of some pixels.
+struct Judged {
+    /// δ and the variance of S, of each pixel.
+    pixels: Vec<[f64; 2]>,
+    /// Sums of the weights of each expert.
+    trust: [f64; MOST],
+    /// Sums of δ and of the variance of S, by stratum.
+    strata: [[f64; 2]; STRATA],
+}
+
+impl Judged {
+    fn none() -> Self {
+        Self { pixels: Vec::new(), trust: [0.0; MOST], strata: [[0.0; 2]; STRATA] }
+    }
+
+    /// Those of a task's pixels.
+    fn of(changes: &Changes<'_>, weights: &Weights, first: usize) -> Self {
+        let sample = changes.sample;
+        let mut judged = Self::none();
+        let end = sample.pixels.len().min(first + PIXELS_PER_TASK);
+        for pixel in first..end {
+            let mut of_pixel = [0.0; 2];
+            for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
+                let of_lane = judged.take(changes, weights, lane, sample.pixels[pixel].half.into());
+                of_pixel.iter_mut().zip(of_lane).for_each(|(sum, of_lane)| *sum += of_lane);
+            }
+            judged.pixels.push(of_pixel);
+        }
+        judged
+    }
+
+    /// δ and the variance of a lane, which is added to the other sums.
+    fn take(
+        &mut self,
+        changes: &Changes<'_>,
+        weights: &Weights,
+        lane: usize,
+        half: usize,
+    ) -> [f64; 2] {
+        let all_folds = changes.missing.len();
+        let blend = |group: usize| {
+            let w = weights.at(changes.strata[group][lane], half);
+            let d = changes.of_lane(group, lane);
+            (d.iter().zip(w).map(|(d, w)| d * w).sum::<f64>(), w)
+        };
+        let mut product = 0.0;
+        for (group, missing) in changes.missing.iter().enumerate() {
+            product += blend(group).0 * f64::from(missing[lane]) / all_folds as f64;
+        }
+        let (d, w) = blend(all_folds);
+        let change = d * d - 2.0 * SHARE * product;
+        let variance = f64::from(changes.views[all_folds].variance[lane]);
+        self.trust.iter_mut().zip(w).for_each(|(trust, w)| *trust += w);
+        for (stratum, share) in cells(changes.strata[all_folds][lane]) {
+            self.strata[stratum][0] += share * change;
+            self.strata[stratum][1] += share * variance;
+        }
+        [change, variance]
+    }
+
+    /// Those of the pixels that follow.
+    fn add(&mut self, other: Self) {
+        self.pixels.extend(other.pixels);
+        self.trust.iter_mut().zip(other.trust).for_each(|(sum, more)| *sum += more);
+        let sums = self.strata.iter_mut().flatten().zip(other.strata.into_iter().flatten());
+        sums.for_each(|(sum, more)| *sum += more);
+    }
+
+    fn error_ratios(&self) -> ErrorRatios {
+        let add = |sum: &mut [f64; 2], other: &[f64; 2], share: f64| {
+            sum.iter_mut().zip(other).for_each(|(sum, other)| *sum += share * other);
+        };
+        ErrorRatios(shared(&self.strata, add).map(|[change, variance]| {
+            let ratio = 1.0 + change / variance;
+            let [least, most] = RATIOS;
+            // What no lane is in has the error of S.
+            if ratio.is_finite() { ratio.clamp(least, most).sqrt() } else { 1.0 }
+        }))
     }
 }
 

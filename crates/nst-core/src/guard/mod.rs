@@ -20,6 +20,7 @@
 
 mod hats;
 mod judge;
+mod logarithm;
 mod regression;
 mod sample;
 mod seen;
@@ -31,14 +32,14 @@ mod weights;
 use rayon::prelude::*;
 
 pub use judge::Judgement;
-use judge::judge;
+use judge::{ErrorRatios, judge};
 use regression::Regressions;
-use sample::{GROUPS, LaneMeans, Sample, sides};
+use sample::{FoldMeans, GROUPS, Sample, fold_means};
 pub use seen::{Expert, OfTransform, Seen};
 use simplex::MOST;
 use table::Table;
-use view::{Lanes, Numbers, View};
-use weights::{Changes, Weights, strata};
+use view::{Lanes, View};
+use weights::{Changes, Weights, of_lane, strata};
 
 use crate::{
     Error, Estimates, FOLDS, Fitted, Requirements, SequenceBatch, Side, Status, Strips, Support,
@@ -71,7 +72,8 @@ pub struct FittedGuard<'a> {
 struct Learnt {
     corrections: Corrections,
     weights: Weights,
-    /// The mean of |S| over all lanes.
+    errors: ErrorRatios,
+    /// The mean of |S| over the lanes that were learnt from.
     unit: f64,
     /// How many samples are in each fold.
     counts: [f64; FOLDS],
@@ -84,21 +86,18 @@ struct Corrections {
 }
 
 impl Corrections {
-    /// The changes of a lane whose pixel is in this half, by what the other half teaches, in the
-    /// order of [`CORRECTIONS`].
-    fn changes(&self, unit: f64, numbers: &Numbers, half: usize) -> [f64; CORRECTIONS.len()] {
-        let [relative, absolute] = self.regressions.changes(unit, numbers, half);
-        [relative, absolute, self.table.change(numbers, half)]
-    }
-
-    /// Those of all lanes, `[expert][lane]`.
-    fn of_lanes(&self, sample: &Sample, lanes: &Lanes) -> [Vec<f32>; CORRECTIONS.len()] {
-        let of_lane = |(lane, numbers): (usize, &Numbers)| {
-            let half = sample.pixels[lane / sample.channels].half;
-            self.changes(lanes.unit, numbers, half).map(|change| change as f32)
-        };
-        let all: Vec<_> = lanes.numbers.par_iter().enumerate().map(of_lane).collect();
-        std::array::from_fn(|k| all.iter().map(|changes| changes[k]).collect())
+    /// What they change, in the order of [`CORRECTIONS`], `[expert][lane]`; `half` says in which
+    /// half a lane is, and the other half teaches.
+    fn changes(&self, lanes: &Lanes, half: impl Fn(usize) -> usize) -> Vec<Vec<f32>> {
+        let mut changes = vec![vec![0.0; lanes.mean.len()]; CORRECTIONS.len()];
+        let [of_relative, of_absolute, of_table] = &mut changes[..] else { unreachable!() };
+        let experts = of_relative.iter_mut().zip(of_absolute).zip(of_table);
+        for (lane, ((relative, absolute), table)) in experts.enumerate() {
+            let half = half(lane);
+            [*relative, *absolute] = self.regressions.changes(lanes, lane, half);
+            *table = self.table.change(lanes, lane, half);
+        }
+        changes
     }
 }
 
@@ -128,58 +127,65 @@ impl Guard {
             judgement: Judgement::plain(why),
         };
         let Some(sample) = Sample::take(strips)? else {
-            let why = "the sequence has no statistics of folds, so nothing can be held out";
+            let why = "there are no statistics of four folds, as of snapshots, old files, or fewer \
+                       than four samples, so nothing can be held out";
             return Ok(plain(Status::NoFolds, why));
         };
         if sample.counts.contains(&0.0) {
             let why = "there are fewer than four samples, so nothing can be held out";
             return Ok(plain(Status::TooShort, why));
         }
-        if !sample.units.iter().all(|unit| *unit > 0.0 && unit.is_finite()) {
-            return Ok(plain(Status::Constant, "all estimates are 0"));
+        if sample.pixels.is_empty() {
+            return Ok(plain(Status::NotFinite, "no estimates are finite"));
         }
         let views: Vec<View> = (0..=GROUPS)
             .into_par_iter()
-            .map(|group| View::new(&sample.lanes, &sample.counts, group, sample.units[group]))
+            .map(|group| View::new(&sample.means(), &sample.counts, group, None))
             .collect();
+        if !views.iter().all(|view| view.unit > 0.0 && view.unit.is_finite()) {
+            return Ok(plain(Status::Constant, "all estimates are 0"));
+        }
         let missing = missing(&sample, &views[..GROUPS]);
-        let lanes: Vec<Lanes> = views.iter().map(Lanes::of).collect();
+        let mut notes = Vec::new();
+        let mut experts: Vec<&dyn Expert> = Vec::new();
+        let mut of_experts = vec![Vec::new(); views.len()];
+        for expert in &self.experts {
+            let found: Result<Vec<_>, _> =
+                views.iter().map(|view| change(&**expert, view)).collect();
+            match found {
+                Ok(found) => {
+                    experts.push(&**expert);
+                    of_experts.iter_mut().zip(found).for_each(|(all, found)| all.push(found));
+                }
+                Err(error) => notes.push(format!("'{}' is left out: {error}", expert.name())),
+            }
+        }
+        let (unit, counts) = (views[GROUPS].unit, sample.counts);
+        let lanes: Vec<Lanes> = views.into_par_iter().map(View::lanes).collect();
         let held_out = &lanes[..GROUPS];
         let corrections = Corrections {
             regressions: Regressions::fit(&sample, held_out, &missing),
             table: Table::fit(&sample, held_out, &missing),
         };
-        let mut changes = vec![Vec::new(); CORRECTIONS.len()];
-        for lanes in &lanes {
-            let of_view = corrections.of_lanes(&sample, lanes);
-            changes.iter_mut().zip(of_view).for_each(|(changes, of_view)| changes.push(of_view));
-        }
-        let mut notes = Vec::new();
-        let mut experts: Vec<&dyn Expert> = Vec::new();
-        for expert in &self.experts {
-            match views.iter().map(|view| change(&**expert, view)).collect() {
-                Ok(found) => {
-                    experts.push(&**expert);
-                    changes.push(found);
-                }
-                Err(error) => notes.push(format!("'{}' is left out: {error}", expert.name())),
-            }
-        }
-        let changes = Changes::new(&sample, &lanes, &missing, changes);
+        let half = |lane: usize| usize::from(sample.pixels[lane / sample.channels].half);
+        let of_corrections = lanes.par_iter().map(|lanes| corrections.changes(lanes, half));
+        let mut changes: Vec<Vec<Vec<f32>>> = of_corrections.collect();
+        changes.iter_mut().zip(of_experts).for_each(|(all, of_experts)| all.extend(of_experts));
+        let changes = Changes::new(&sample, &lanes, &missing, &changes);
         let weights = Weights::fit(&changes);
         let names = CORRECTIONS.into_iter().chain(experts.iter().map(|expert| expert.name()));
-        let judgement = judge(&changes, &weights, names.map(str::to_owned).collect(), notes);
-        let (unit, counts) = (sample.units[GROUPS], sample.counts);
-        let learnt = Learnt { corrections, weights, unit, counts };
+        let (judgement, errors) =
+            judge(&changes, &weights, names.map(str::to_owned).collect(), notes);
+        let learnt = Learnt { corrections, weights, errors, unit, counts };
         Ok(FittedGuard { experts, learnt: Ok(learnt), judgement })
     }
 }
 
 /// The means of the groups held out minus the plain estimates of the others, `[group][lane]`.
 fn missing(sample: &Sample, views: &[View]) -> Vec<Vec<f32>> {
+    let [means, ..] = sample.means();
     let of_group = |(group, view): (usize, &View)| {
-        let lanes = sample.lanes.iter().zip(&view.mean);
-        lanes.map(|(lane, mean)| lane[0][group] - mean).collect()
+        means[group].iter().zip(&view.mean).map(|(held_out, mean)| held_out - mean).collect()
     };
     views.par_iter().enumerate().map(of_group).collect()
 }
@@ -202,36 +208,34 @@ impl FittedGuard<'_> {
         &self.judgement
     }
 
-    /// The estimates of some lanes.
+    /// The estimates of some lanes and their errors.
     fn estimate(
         &self,
         learnt: &Learnt,
         chunk: &Chunk<'_>,
         values: &mut [f32],
         status: &mut [Status],
+        errors: &mut [f32],
     ) -> Result<(), Error> {
-        let Learnt { corrections, weights, unit, counts } = learnt;
-        let mut view = View::new(&chunk.lanes, counts, GROUPS, *unit);
+        let Learnt { corrections, weights, errors: ratios, unit, counts } = learnt;
+        let mut view = View::new(&chunk.means, counts, GROUPS, Some(*unit));
         view.mean.copy_from_slice(chunk.last);
-        let changes = self.experts.iter().map(|expert| change(*expert, &view));
-        let changes = changes.collect::<Result<Vec<_>, _>>()?;
+        let of_experts = self.experts.iter().map(|expert| change(*expert, &view));
+        let of_experts = of_experts.collect::<Result<Vec<_>, _>>()?;
+        let finite = chunk.finite();
+        let lanes = view.lanes();
+        let half = |lane: usize| chunk.strip.half(chunk.first + lane);
+        let mut changes = corrections.changes(&lanes, half);
+        changes.extend(of_experts);
         for (lane, value) in values.iter_mut().enumerate() {
+            let strata = strata(&lanes, lane, changes[0][lane]);
+            let (d, w) = (of_lane(&changes, lane), weights.at(strata, half(lane)));
             let plain = f64::from(chunk.last[lane]);
-            if !chunk.lanes[lane].iter().flatten().all(|x| x.is_finite()) || !plain.is_finite() {
-                (*value, status[lane]) = (chunk.last[lane], Status::NotFinite);
-                continue;
-            }
-            let half = chunk.strip.half(chunk.first + lane);
-            let numbers = view.numbers(lane);
-            let mut d = [0.0; MOST];
-            let corrected = corrections.changes(*unit, &numbers, half).into_iter();
-            let all = corrected.chain(changes.iter().map(|change| f64::from(change[lane])));
-            d.iter_mut().zip(all).for_each(|(d, change)| *d = change);
-            let w = weights.at(strata(*unit, &numbers, d[0]), half);
-            let blend = plain + d.iter().zip(w).map(|(d, w)| d * w).sum::<f64>();
-            *value = blend as f32;
-            if !value.is_finite() {
-                (*value, status[lane]) = (chunk.last[lane], Status::NotFinite);
+            *value = d.iter().zip(w).fold(plain, |sum, (d, w)| sum + d * w) as f32;
+            errors[lane] = lanes.variance[lane].sqrt() * ratios.at(strata) as f32;
+            if !(finite[lane] && value.is_finite()) {
+                (*value, status[lane], errors[lane]) =
+                    (chunk.last[lane], Status::NotFinite, f32::NAN);
             }
         }
         Ok(())
@@ -243,7 +247,18 @@ struct Chunk<'a> {
     strip: &'a SequenceBatch,
     first: usize,
     last: &'a [f32],
-    lanes: Vec<LaneMeans>,
+    means: FoldMeans<'a>,
+}
+
+impl Chunk<'_> {
+    /// Whether all numbers of a lane are, `[lane]`.
+    fn finite(&self) -> Vec<bool> {
+        let mut finite: Vec<bool> = self.last.iter().map(|x| x.is_finite()).collect();
+        for means in self.means.iter().flatten() {
+            finite.iter_mut().zip(*means).for_each(|(finite, x)| *finite &= x.is_finite());
+        }
+        finite
+    }
 }
 
 impl Transform for Guard {
@@ -258,8 +273,8 @@ impl Transform for Guard {
 
 impl Fitted for FittedGuard<'_> {
     fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
-        let (learnt, sides) = match (&self.learnt, sides(strip)) {
-            (Ok(learnt), Some(sides)) => (learnt, sides),
+        let (learnt, means) = match (&self.learnt, fold_means(strip)) {
+            (Ok(learnt), Some(means)) => (learnt, means),
             (Ok(_), None) => {
                 out.fall_back(strip, Status::NoFolds);
                 return Ok(());
@@ -269,16 +284,25 @@ impl Fitted for FittedGuard<'_> {
                 return Ok(());
             }
         };
-        let (values, status) = out.reset(strip.lanes());
+        let (values, status, errors) = out.reset_with_errors(strip.lanes());
         let chunks = values.par_chunks_mut(CHUNK).zip(status.par_chunks_mut(CHUNK));
-        chunks.enumerate().try_for_each(|(number, (values, status))| {
+        let chunks = chunks.zip(errors.par_chunks_mut(CHUNK));
+        let estimated = chunks.enumerate().try_for_each(|(number, ((values, status), errors))| {
             let first = number * CHUNK;
             let range = first..first + values.len();
-            let lane = |lane: usize| sides.map(|folds| folds.map(|fold| fold[lane]));
-            let lanes = range.clone().map(lane).collect();
-            let chunk = Chunk { strip, first, last: &strip.last()[range], lanes };
-            self.estimate(learnt, &chunk, values, status)
-        })
+            let means = means.map(|folds| folds.map(|fold| &fold[range.clone()]));
+            let chunk = Chunk { strip, first, last: &strip.last()[range], means };
+            self.estimate(learnt, &chunk, values, status, errors)
+        });
+        if estimated.is_err() {
+            out.fall_back(strip, Status::ExpertFailed);
+            out.errors_unknown();
+        }
+        Ok(())
+    }
+
+    fn estimates_errors(&self) -> bool {
+        self.learnt.is_ok()
     }
 
     fn judgement(&self) -> Option<&Judgement> {

@@ -15,11 +15,7 @@
 
 use rayon::prelude::*;
 
-use super::{
-    sample::Sample,
-    table::PIXELS_PER_TASK,
-    view::{Lanes, Numbers},
-};
+use super::{sample::Sample, table::PIXELS_PER_TASK, view::Lanes};
 use crate::cholesky::solve;
 
 const INPUTS: usize = 5;
@@ -70,20 +66,33 @@ impl Regressions {
     }
 
     /// The changes of a lane whose pixel is in this half, learnt from the other half.
-    pub(super) fn changes(&self, unit: f64, numbers: &Numbers, half: usize) -> [f64; POWERS.len()] {
-        let features = features(unit, numbers);
-        self.coefficients.each_ref().map(|halves| {
-            let change = features.iter().zip(&halves[1 - half]).map(|(f, c)| f * c).sum();
-            numbers.bounded(change)
-        })
+    #[inline(always)]
+    pub(super) fn changes(&self, lanes: &Lanes, lane: usize, half: usize) -> [f32; POWERS.len()] {
+        let features = features(lanes, lane);
+        let mut changes = [0.0; POWERS.len()];
+        for (change, halves) in changes.iter_mut().zip(&self.coefficients) {
+            let mut sum = 0.0;
+            for (f, c) in features.iter().zip(&halves[1 - half]) {
+                sum += f * c;
+            }
+            *change = lanes.bounded(lane, sum);
+        }
+        changes
     }
 }
 
 /// s x_i x_j of a lane.
-fn features(unit: f64, numbers: &Numbers) -> Features {
-    let Numbers { mean, scale, root_spread, log_scale, log_spread, .. } = *numbers;
-    let size = mean.abs();
-    let x = [1.0, log_scale / 2.0, root_spread.sqrt(), log_spread / 3.0, size / (size + unit)];
+#[inline(always)]
+fn features(lanes: &Lanes, lane: usize) -> Features {
+    let size = f64::from(lanes.mean[lane]).abs();
+    let scale = lanes.scale(lane);
+    let x = [
+        1.0,
+        f64::from(lanes.log_scale[lane]) / 2.0,
+        f64::from(lanes.root_spread[lane]).sqrt(),
+        f64::from(lanes.log_spread[lane]) / 3.0,
+        size / (size + lanes.unit),
+    ];
     let mut features = [0.0; FEATURES];
     let mut next = 0;
     for i in 0..INPUTS {
@@ -100,13 +109,12 @@ fn equations(sample: &Sample, views: &[Lanes], missing: &[Vec<f32>], first: usiz
     let mut equations = AllEquations::default();
     let end = sample.pixels.len().min(first + PIXELS_PER_TASK);
     for pixel in first..end {
-        let half = sample.pixels[pixel].half;
+        let half = usize::from(sample.pixels[pixel].half);
         for (view, missing) in views.iter().zip(missing) {
             for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
-                let numbers = &view.numbers[lane];
-                let f = features(view.unit, numbers);
+                let f = features(view, lane);
                 for (equations, power) in equations.iter_mut().zip(POWERS) {
-                    let weight = (numbers.scale + 0.1 * view.unit).powi(-power);
+                    let weight = (view.scale(lane) + 0.1 * view.unit).powi(-power);
                     equations[half].take(&f, weight, f64::from(missing[lane]));
                 }
             }

@@ -14,9 +14,10 @@
 use rayon::prelude::*;
 
 use super::{
+    hats::grid_cells,
     sample::Sample,
     simplex::certainty,
-    view::{BRIGHTNESS, Lanes, Numbers, SPREAD},
+    view::{BRIGHTNESS, Lanes, SPREAD},
 };
 
 const COLUMNS: usize = SPREAD.knots();
@@ -66,22 +67,21 @@ impl Table {
     }
 
     /// The change of a lane whose pixel is in this half, learnt from the other half.
-    pub(super) fn change(&self, numbers: &Numbers, half: usize) -> f64 {
+    #[inline(always)]
+    pub(super) fn change(&self, lanes: &Lanes, lane: usize, half: usize) -> f32 {
         let changes = &self.changes[1 - half];
-        let cells = cells(numbers);
-        let sum: f64 = cells.iter().map(|&(cell, share)| share * changes[cell]).sum();
-        numbers.bounded(sum * numbers.scale)
+        let mut sum = 0.0;
+        for (cell, share) in cells(lanes, lane) {
+            sum += share * changes[cell];
+        }
+        lanes.bounded(lane, sum * lanes.scale(lane))
     }
 }
 
 /// The four cells that a lane lies between, and its shares of them.
-fn cells(numbers: &Numbers) -> [(usize, f64); 4] {
-    let rows = numbers.brightness.knots();
-    let columns = numbers.spread.knots();
-    std::array::from_fn(|i| {
-        let ((row, a), (column, b)) = (rows[i / 2], columns[i % 2]);
-        (row * COLUMNS + column, a * b)
-    })
+#[inline(always)]
+fn cells(lanes: &Lanes, lane: usize) -> [(usize, f64); 4] {
+    grid_cells(lanes.brightness(lane), lanes.spread(lane), COLUMNS)
 }
 
 impl Default for Sums {
@@ -98,13 +98,12 @@ impl Sums {
         let end = sample.pixels.len().min(first + PIXELS_PER_TASK);
         let mut touched: Vec<(usize, f64)> = Vec::new();
         for pixel in first..end {
-            let half = sample.pixels[pixel].half;
+            let half = usize::from(sample.pixels[pixel].half);
             touched.clear();
             for (view, missing) in views.iter().zip(missing) {
                 for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
-                    let numbers = &view.numbers[lane];
-                    let scale = numbers.scale;
-                    for (cell, share) in cells(numbers) {
+                    let scale = view.scale(lane);
+                    for (cell, share) in cells(view, lane) {
                         let product = share * scale * f64::from(missing[lane]);
                         sums.scales[half][cell] += share * scale * scale;
                         sums.products[half][cell] += product;

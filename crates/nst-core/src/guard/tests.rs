@@ -1,7 +1,7 @@
 //! The guard on lanes whose true values are known.
 
 use super::*;
-use crate::{Grid, LANES_PER_BLOCK, random::SplitMix64, sequence::tests::Cut};
+use crate::{Grid, LANES_PER_BLOCK, LaneSums, random::SplitMix64, sequence::tests::Cut};
 
 /// Lanes of an integrand, and their true values.
 struct Lanes {
@@ -37,16 +37,20 @@ impl Lanes {
         let parameters: Vec<[f64; 2]> =
             (0..lanes).map(|_| [random.uniform(), random.uniform()]).collect();
         let sample = |lane: usize, u: f64| integrand(parameters[lane][0], parameters[lane][1], u);
-        let mut samples = Vec::with_capacity(lanes * n as usize);
-        for _ in 0..n {
-            samples.extend((0..lanes).map(|lane| sample(lane, random.uniform()) as f32));
+        let mut sums = vec![LaneSums::default(); lanes];
+        for index in 0..n {
+            for (lane, sums) in sums.iter_mut().enumerate() {
+                sums.add(index, f64::from(sample(lane, random.uniform()) as f32));
+            }
         }
         const STEPS: u32 = 1000;
         let of_lane = |lane: usize| {
             let steps = (0..STEPS).map(|i| sample(lane, (f64::from(i) + 0.5) / f64::from(STEPS)));
             steps.sum::<f64>() / f64::from(STEPS)
         };
-        let batch = SequenceBatch::from_samples(lanes, &samples).expect("samples of all lanes");
+        let means: Vec<f32> = sums.iter().map(|it| (it.total() / f64::from(n)) as f32).collect();
+        let mut batch = SequenceBatch::from_last(&means, n).expect("a mean of each lane");
+        batch.set_sums(&sums, n).expect("sums of each lane");
         Self { truth: (0..lanes).map(of_lane).collect(), batch }
     }
 
@@ -138,18 +142,20 @@ fn garbage_changes_nothing() {
 /// An expert with a constant bias counts at few samples, and not at many.
 #[test]
 fn converges_whatever_the_bias() {
-    let biased = |n: u32| {
-        let lanes = Lanes::new(visibility, 2000, n, 9);
+    let biased = |lanes: usize, n: u32| {
+        let lanes = Lanes::new(visibility, lanes, n, 9);
         let (alone, _) = lanes.ratio(&Guard::default());
         let known = lanes.truth.clone();
         let expert = By("biased", move |lane: usize, _: &Seen<'_>| known[lane % known.len()] + 0.3);
         let (ratio, judgement) = lanes.ratio(&with(expert));
         (ratio / alone, judgement.experts[CORRECTIONS.len()].1)
     };
-    let (few, weight) = biased(4);
+    let (few, weight) = biased(2000, 4);
     assert!(few < 0.5 && weight > 0.3, "{few} {weight}");
-    let (many, weight) = biased(4096);
-    assert!((many - 1.0).abs() < 0.01 && weight < 0.03, "{many} {weight}");
+    for (lanes, n) in [(2000, 4096), (500, 65_536)] {
+        let (many, weight) = biased(lanes, n);
+        assert!((many - 1.0).abs() < 0.01 && weight < 0.03, "{n} samples: {many} {weight}");
+    }
 }
 
 /// The interval contains the true ratio in 90 of 100 cases, at least.
@@ -169,6 +175,32 @@ fn predicts_its_gain() {
         }
     }
     assert!(10 * inside >= 9 * count, "{inside} of {count}");
+}
+
+/// The standard errors of estimates are those that they have, within a factor of 1.5 in the mean
+/// square, for dark lanes as for bright ones.
+#[test]
+fn knows_its_errors() {
+    for (kind, integrand) in [visibility, smooth].into_iter().enumerate() {
+        for n in [8, 64] {
+            let lanes = Lanes::new(integrand, 6000, n, 40);
+            let mut out = Estimates::default();
+            Guard::default().transform(&lanes.batch, &mut out).expect("a batch");
+            let mut order: Vec<usize> = (0..6000).collect();
+            order.sort_by(|&a, &b| lanes.truth[a].total_cmp(&lanes.truth[b]));
+            for part in order.chunks(2000) {
+                let mean = |of_lane: &dyn Fn(usize) -> f64| -> f64 {
+                    part.iter().map(|&lane| of_lane(lane)).sum::<f64>() / part.len() as f64
+                };
+                let squares = |values: &[f32]| {
+                    mean(&|lane| (f64::from(values[lane]) - lanes.truth[lane]).powi(2))
+                };
+                let estimated = mean(&|lane| f64::from(out.errors()[lane]).powi(2));
+                let ratio = estimated / squares(out.values());
+                assert!((1.0 / 1.5..1.5).contains(&ratio), "integrand {kind}, {n}: {ratio}");
+            }
+        }
+    }
 }
 
 /// A unit changes no bit, if it is a power of two.
@@ -290,6 +322,36 @@ fn an_expert_that_fails_is_left_out() {
     let (ratio, judgement) = lanes.ratio(&with(Fails));
     assert_eq!((ratio, judgement.experts.len()), (alone, CORRECTIONS.len()));
     assert!(judgement.notes[0].contains("'fails' is left out: "), "{judgement:?}");
+}
+
+/// One that fails when the estimates are made leaves S, and the lanes say so.
+#[test]
+fn an_expert_that_fails_late_leaves_the_plain_estimates() {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    let lanes = Lanes::new(visibility, 3000, 8, 6);
+    let (calls, known) = (AtomicUsize::new(0), lanes.truth.clone());
+    let breaks = move |seen: &Seen<'_>, out: &mut [f32]| {
+        if calls.fetch_add(1, Ordering::Relaxed) > GROUPS {
+            return Err(Error::Batch("it broke down".into()));
+        }
+        out.iter_mut().zip(&known).for_each(|(out, truth)| *out = *truth as f32);
+        assert_eq!(seen.mean.len(), known.len());
+        Ok(())
+    };
+    struct Breaks<F>(F);
+    impl<F: Fn(&Seen<'_>, &mut [f32]) -> Result<(), Error> + Send + Sync> Expert for Breaks<F> {
+        fn name(&self) -> &str {
+            "breaks"
+        }
+
+        fn estimate(&self, seen: &Seen<'_>, out: &mut [f32]) -> Result<(), Error> {
+            (self.0)(seen, out)
+        }
+    }
+    let mut out = Estimates::default();
+    with(Breaks(breaks)).transform(&lanes.batch, &mut out).expect("no error");
+    assert_eq!(out.values(), lanes.batch.last());
+    assert_eq!(out.count(Status::ExpertFailed), 3000);
 }
 
 /// Pictures of 16 samples each that were packed count as one sample each: the estimates are

@@ -3,16 +3,17 @@
 use rayon::prelude::*;
 
 use super::{
-    hats::Place,
+    hats::{Place, grid_cells},
     sample::{SHARE, Sample},
     simplex::{MOST, Moments, best_weights, certainty},
     table::PIXELS_PER_TASK,
-    view::{BRIGHTNESS, Lanes, Numbers, UNCERTAINTY, brightness},
+    view::{BRIGHTNESS, Lanes, UNCERTAINTY},
 };
 
 const COLUMNS: usize = UNCERTAINTY.knots();
 const ROWS: usize = BRIGHTNESS.knots();
-const STRATA: usize = ROWS * COLUMNS;
+pub(super) const STRATA: usize = ROWS * COLUMNS;
+const _: () = assert!(STRATA <= u64::BITS as usize, "sets of strata are in one number");
 
 /// How many variances of the noise are taken off a gain.
 const CAUTION: f64 = 4.0;
@@ -24,16 +25,16 @@ const LEAST_GAIN: f64 = 0.05;
 /// The share of its sums that a stratum gives to each of its neighbours.
 const SHARED: f64 = 0.2;
 
-/// What the experts change, `[group][lane]`, and where the lanes lie.
+/// What the experts change in the lanes of a sample.
 pub(super) struct Changes<'a> {
     pub(super) sample: &'a Sample,
     /// `[group]`; after the groups, that of all folds.
     pub(super) views: &'a [Lanes],
     /// The means of the groups held out minus the plain estimates, `[group][lane]`.
     pub(super) missing: &'a [Vec<f32>],
-    /// `[expert][group][lane]`; after the groups, those of all folds.
-    pub(super) changes: Vec<Vec<Vec<f32>>>,
-    /// `[group][lane]`
+    /// `[group][expert][lane]`; after the groups, those of all folds.
+    pub(super) changes: &'a [Vec<Vec<f32>>],
+    /// `[group][lane]`; after the groups, those of all folds.
     pub(super) strata: Vec<Vec<Strata>>,
 }
 
@@ -41,6 +42,8 @@ pub(super) struct Changes<'a> {
 #[derive(Clone, Debug)]
 pub(super) struct Weights {
     strata: [[[f64; MOST]; STRATA]; 2],
+    /// How many experts there are.
+    count: usize,
 }
 
 /// Sums of a stratum.
@@ -58,36 +61,48 @@ impl<'a> Changes<'a> {
         sample: &'a Sample,
         views: &'a [Lanes],
         missing: &'a [Vec<f32>],
-        changes: Vec<Vec<Vec<f32>>>,
+        changes: &'a [Vec<Vec<f32>>],
     ) -> Self {
-        let of_view = |(view, changes): (&Lanes, &Vec<f32>)| {
-            let lanes = view.numbers.par_iter().zip(changes);
-            lanes.map(|(numbers, &change)| strata(view.unit, numbers, change.into())).collect()
+        let of_view = |(view, changes): (&Lanes, &Vec<Vec<f32>>)| {
+            changes[0].iter().enumerate().map(|(lane, &d)| strata(view, lane, d)).collect()
         };
-        let strata = views.iter().zip(&changes[0]).map(of_view).collect();
+        let strata = views.par_iter().zip(changes).map(of_view).collect();
         Self { sample, views, missing, changes, strata }
+    }
+
+    /// How many experts there are.
+    fn count(&self) -> usize {
+        self.changes[0].len()
     }
 
     /// By how much each expert's changes are smaller with all folds than without one: the root
     /// of the ratio of the sums of their squares.
     fn shrinkage(&self) -> Vec<f64> {
         let squares = |lanes: &Vec<f32>| lanes.iter().map(|&d| f64::from(d).powi(2)).sum::<f64>();
-        let ratio = |of_expert: &Vec<Vec<f32>>| {
-            let (with_all, without) = of_expert.split_last().expect("all folds are last");
-            let without: f64 = without.iter().map(squares).sum();
-            let ratio = (squares(with_all) * self.missing.len() as f64 / without).sqrt();
+        let (with_all, without) = self.changes.split_last().expect("all folds are last");
+        let ratio = |expert: usize| {
+            let all = squares(&with_all[expert]) * without.len() as f64;
+            let held_out: f64 = without.iter().map(|experts| squares(&experts[expert])).sum();
+            let ratio = (all / held_out).sqrt();
             // One that changes nothing has none.
             if ratio.is_finite() { ratio } else { 1.0 }
         };
-        self.changes.iter().map(ratio).collect()
+        (0..self.count()).map(ratio).collect()
     }
 
     /// What each expert changes.
+    #[inline(always)]
     pub(super) fn of_lane(&self, group: usize, lane: usize) -> [f64; MOST] {
-        std::array::from_fn(|k| {
-            self.changes.get(k).map_or(0.0, |groups| f64::from(groups[group][lane]))
-        })
+        of_lane(&self.changes[group], lane)
     }
+}
+
+/// What each expert changes in a lane, of `[expert][lane]`.
+#[inline(always)]
+pub(super) fn of_lane(changes: &[Vec<f32>], lane: usize) -> [f64; MOST] {
+    let mut of_lane = [0.0; MOST];
+    of_lane.iter_mut().zip(changes).for_each(|(d, lanes)| *d = f64::from(lanes[lane]));
+    of_lane
 }
 
 impl Weights {
@@ -101,14 +116,21 @@ impl Weights {
             strata.for_each(|(sum, part)| sum.add(part, 1.0, 1.0));
         }
         let shrinkage = changes.shrinkage();
-        Self { strata: total.map(|half| weights(&smoothed(&half), &shrinkage)) }
+        let strata = total.map(|half| weights(&smoothed(&half), &shrinkage));
+        Self { strata, count: changes.count() }
     }
 
     /// The weights of a lane whose pixel is in this half, learnt from the other.
+    #[inline(always)]
     pub(super) fn at(&self, strata: Strata, half: usize) -> [f64; MOST] {
         let of_half = &self.strata[1 - half];
-        let cells = cells(strata);
-        std::array::from_fn(|k| cells.iter().map(|&(cell, share)| share * of_half[cell][k]).sum())
+        let mut weights = [0.0; MOST];
+        for (cell, share) in cells(strata) {
+            for (weight, w) in weights.iter_mut().zip(&of_half[cell][..self.count]) {
+                *weight += share * w;
+            }
+        }
+        weights
     }
 }
 
@@ -116,36 +138,37 @@ impl Weights {
 pub(super) type Strata = [Place; 2];
 
 /// The four strata that a lane lies between, and its shares of them.
-fn cells([brightness, uncertainty]: Strata) -> [(usize, f64); 4] {
-    let (rows, columns) = (brightness.knots(), uncertainty.knots());
-    std::array::from_fn(|i| {
-        let ((row, a), (column, b)) = (rows[i / 2], columns[i % 2]);
-        (row * COLUMNS + column, a * b)
-    })
+#[inline(always)]
+pub(super) fn cells([brightness, uncertainty]: Strata) -> [(usize, f64); 4] {
+    grid_cells(brightness, uncertainty, COLUMNS)
 }
 
 /// The strata of a lane: the brightness is that of the first expert's estimate, which has less
 /// noise than S.
-pub(super) fn strata(unit: f64, numbers: &Numbers, first_change: f64) -> Strata {
-    [brightness((numbers.mean + first_change).max(0.0), unit), numbers.uncertainty]
+#[inline(always)]
+pub(super) fn strata(lanes: &Lanes, lane: usize, first_change: f32) -> Strata {
+    let first = f64::from(lanes.mean[lane]) + f64::from(first_change);
+    [lanes.brightness_of(first), lanes.uncertainty(lane)]
 }
 
 /// The sums of a task's pixels, `[half][stratum]`.
 fn sums(changes: &Changes<'_>, first: usize) -> [[Stratum; STRATA]; 2] {
-    let Changes { sample, missing, changes: experts, .. } = changes;
-    let count = experts.len();
+    let Changes { sample, missing, .. } = changes;
+    let count = changes.count();
     let mut sums = [[Stratum::default(); STRATA]; 2];
     let end = sample.pixels.len().min(first + PIXELS_PER_TASK);
+    // Channels share samples, and what is held out of a pixel in turn adds to 0: noise is that
+    // of a pixel's sum.
+    let mut of_pixel = [[0.0; MOST]; STRATA];
     for pixel in first..end {
-        let sums = &mut sums[sample.pixels[pixel].half];
-        // Channels share samples, and what is held out of a pixel in turn adds to 0: noise is
-        // that of a pixel's sum.
-        let mut of_pixel = [[0.0; MOST]; STRATA];
+        let sums = &mut sums[usize::from(sample.pixels[pixel].half)];
+        let mut touched = 0_u64;
         for (group, missing) in missing.iter().enumerate() {
             for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
                 let d = changes.of_lane(group, lane);
-                let variance = changes.views[group].numbers[lane].variance;
+                let variance = f64::from(changes.views[group].variance[lane]);
                 for (stratum, share) in cells(changes.strata[group][lane]) {
+                    touched |= 1 << stratum;
                     sums[stratum].variance += share * variance;
                     for i in 0..count {
                         of_pixel[stratum][i] += share * d[i] * f64::from(missing[lane]);
@@ -156,19 +179,26 @@ fn sums(changes: &Changes<'_>, first: usize) -> [[Stratum; STRATA]; 2] {
                 }
             }
         }
-        for (sum, of_pixel) in sums.iter_mut().zip(&of_pixel) {
-            for i in 0..count {
-                sum.moments.b[i] += of_pixel[i];
-                for j in 0..count {
-                    sum.noise[i][j] += of_pixel[i] * of_pixel[j];
-                }
-            }
+        while touched != 0 {
+            let stratum = touched.trailing_zeros() as usize;
+            touched &= touched - 1;
+            sums[stratum].take(&std::mem::take(&mut of_pixel[stratum]), count);
         }
     }
     sums
 }
 
 impl Stratum {
+    /// Adds the products of a pixel, which are one draw.
+    fn take(&mut self, products: &[f64; MOST], count: usize) {
+        for i in 0..count {
+            self.moments.b[i] += products[i];
+            for j in 0..count {
+                self.noise[i][j] += products[i] * products[j];
+            }
+        }
+    }
+
     /// Adds a share of another's moments, and a share of its noise.
     fn add(&mut self, other: &Self, share: f64, noise_share: f64) {
         self.variance += share * other.variance;
@@ -185,27 +215,28 @@ impl Stratum {
 /// Strata that share their sums with their neighbours in brightness, then in uncertainty; the
 /// ends keep what has no neighbour.
 fn smoothed(strata: &[Stratum; STRATA]) -> [Stratum; STRATA] {
-    let by_row = shared(strata, |i| (i / COLUMNS, ROWS), COLUMNS);
-    shared(&by_row, |i| (i % COLUMNS, COLUMNS), 1)
+    let add = |sum: &mut Stratum, other: &Stratum, share: f64| sum.add(other, share, share * share);
+    shared(strata, add)
 }
 
-/// Shares sums along an axis: the place on it and its length, and the step between neighbours.
-fn shared(
-    strata: &[Stratum; STRATA],
-    axis: impl Fn(usize) -> (usize, usize),
-    step: usize,
-) -> [Stratum; STRATA] {
-    let mut smooth = [Stratum::default(); STRATA];
-    for (i, stratum) in strata.iter().enumerate() {
-        let (place, length) = axis(i);
-        let kept = 1.0 - 2.0 * SHARED;
-        smooth[i].add(stratum, kept, kept * kept);
-        let before = if place == 0 { i } else { i - step };
-        let after = if place + 1 == length { i } else { i + step };
-        smooth[before].add(stratum, SHARED, SHARED * SHARED);
-        smooth[after].add(stratum, SHARED, SHARED * SHARED);
-    }
-    smooth
+/// Sums of strata that are smoothed in this way; `add` adds a share of a stratum to another.
+pub(super) fn shared<T: Copy + Default>(
+    strata: &[T; STRATA],
+    add: impl Fn(&mut T, &T, f64),
+) -> [T; STRATA] {
+    let along = |strata: &[T; STRATA], step: usize, length: usize| {
+        let mut smooth = [T::default(); STRATA];
+        for (i, stratum) in strata.iter().enumerate() {
+            let place = i / step % length;
+            let before = if place == 0 { i } else { i - step };
+            let after = if place + 1 == length { i } else { i + step };
+            add(&mut smooth[i], stratum, 1.0 - 2.0 * SHARED);
+            add(&mut smooth[before], stratum, SHARED);
+            add(&mut smooth[after], stratum, SHARED);
+        }
+        smooth
+    };
+    along(&along(strata, COLUMNS, ROWS), 1, COLUMNS)
 }
 
 /// The best weights of each stratum, drawn towards 0 by as much of the gain as may be noise.

@@ -55,7 +55,10 @@ pub const METHODS: &[(&str, &str)] = &[
     ("median-of-means", "the median of the means of the four folds"),
     ("gmon", "between the mean and the median of means, by the Gini coefficient"),
     ("reweight", "folds with outliers get less weight"),
-    ("guard", "corrections that samples held out support, learnt from the picture itself"),
+    (
+        "auto",
+        "the guard: a blend of the plain estimates with experts, as far as samples held out support it",
+    ),
     ("ridge", "a regression on the folds, fitted on the picture itself"),
 ];
 
@@ -67,7 +70,7 @@ pub fn method(name: &str) -> Option<Box<dyn Transform>> {
         "median-of-means" => Box::new(MedianOfMeans),
         "gmon" => Box::new(Gmon),
         "reweight" => Box::new(Reweight),
-        "guard" => Box::new(Guard::default()),
+        "auto" => Box::new(Guard::default()),
         "ridge" => Box::new(Ridge),
         _ => Box::new(extrapolation(name)?),
     })
@@ -95,10 +98,42 @@ pub fn extrapolation(name: &str) -> Option<&'static dyn Extrapolation> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{
+        Error, Estimates, Grid, Requirements, SequenceBatch, Status, Whole, random::SplitMix64,
+    };
 
     #[test]
     fn every_name_is_known() {
         assert!(METHODS.iter().all(|(name, about)| method(name).is_some() && !about.is_empty()));
         assert!(method("Aitken").is_none());
+    }
+
+    /// Nothing else need be made of a rendering for the second pass.
+    #[test]
+    fn methods_are_applied_to_what_they_require() -> Result<(), Error> {
+        let mut random = SplitMix64(5);
+        let samples: Vec<f32> = (0..12 * 900).map(|_| random.uniform().powi(4) as f32).collect();
+        let mut whole = SequenceBatch::from_samples(900, &samples)?;
+        whole.set_grid(Grid::new(20, 15, 3, 0)?)?;
+        for (name, _) in METHODS {
+            let method = method(name).expect("its name is listed");
+            let Requirements { window, sides, .. } = method.requires();
+            let window = window.min(whole.sample_counts().len());
+            let terms = whole.window(window).expect("as many terms").to_owned();
+            let counts = whole.sample_counts()[12 - window..].to_vec();
+            let mut least = SequenceBatch::new(terms, counts)?;
+            least.set_grid(*whole.grid().expect("a grid"))?;
+            for side in sides {
+                let values = whole.side(side).expect("twelve samples have all");
+                least.set_side(side.clone(), values.to_vec())?;
+            }
+            let fitted = method.fit(&mut Whole::new(&whole))?;
+            let [mut of_whole, mut of_least] = [Estimates::default(), Estimates::default()];
+            fitted.apply(&whole, &mut of_whole)?;
+            fitted.apply(&least, &mut of_least)?;
+            assert_eq!(of_least, of_whole, "{name}");
+            assert!(of_whole.count(Status::Ok) > 0, "{name}");
+        }
+        Ok(())
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ndarray::{Array2, ArrayView2, s};
 use rayon::prelude::*;
 
-use super::{Extent, FOLDS, Grid, LaneSums, Side, fold_count};
+use super::{Extent, Grid, LANES_PER_BLOCK, LaneSums, Side};
 use crate::Error;
 
 /// Progressive estimates of many independent integrals.
@@ -90,24 +90,19 @@ impl SequenceBatch {
         Ok(batch)
     }
 
-    /// Sets the side channels that follow from the sums of n samples of each lane: the means of
-    /// the folds if n ≥ 4, the variance if n ≥ 2.
+    /// Sets the side channels that [follow from the sums](Side::of_sums) of n samples of each
+    /// lane.
     ///
     /// # Errors
     /// [`Error::Batch`] if there is another number of lanes.
     pub fn set_sums(&mut self, sums: &[LaneSums], n: u32) -> Result<(), Error> {
-        if n as usize >= FOLDS {
-            for (kind, sides) in Side::OF_FOLDS.into_iter().enumerate() {
-                for (fold, side) in sides.iter().enumerate() {
-                    let count = fold_count(fold, n);
-                    let mean = |lane: &LaneSums| (lane.of_folds()[kind][fold] / count) as f32;
-                    self.set_side(side.clone(), sums.par_iter().map(mean).collect())?;
-                }
-            }
-        }
-        if n >= 2 {
-            let variance = sums.par_iter().map(|lane| lane.variance(n)).collect();
-            self.set_side(Side::Variance, variance)?;
+        for side in Side::of_sums(n) {
+            let mut values = vec![0.0; sums.len()];
+            values
+                .par_chunks_mut(LANES_PER_BLOCK)
+                .zip(sums.par_chunks(LANES_PER_BLOCK))
+                .for_each(|(values, sums)| LaneSums::write_side(sums, side, n, values));
+            self.set_side(side.clone(), values)?;
         }
         Ok(())
     }

@@ -70,6 +70,13 @@ impl Side {
     /// The four folds, which methods ask for together.
     pub const ALL_FOLDS: &'static [Self; FOLDS] = Self::OF_FOLDS[0];
 
+    /// Those that follow from the sums of n samples: the means of the folds if n ≥ 4, the
+    /// variance if n ≥ 2.
+    pub fn of_sums(n: u32) -> impl Iterator<Item = &'static Self> {
+        let folds = (n as usize >= FOLDS).then_some(Self::EVERY_OF_FOLDS);
+        folds.into_iter().flatten().chain((n >= 2).then_some(&Self::Variance))
+    }
+
     /// Whether it is a mean over a fold.
     #[must_use]
     pub fn is_of_fold(&self) -> bool {

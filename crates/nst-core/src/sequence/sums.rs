@@ -1,5 +1,7 @@
 //! The sums of a lane's samples, from which its sequence can be continued.
 
+use super::Side;
+
 /// How many folds the samples of a lane are split into: sample i belongs to fold i mod 4.
 /// Files of sequences store this number of folds.
 pub const FOLDS: usize = 4;
@@ -57,6 +59,26 @@ impl LaneSums {
             f32::INFINITY
         }
     }
+
+    /// Writes a side channel that [follows from the sums](Side::of_sums) of n samples of each
+    /// lane, `[lane]`; leaves `out` as it is if the side channel is another.
+    pub fn write_side(lanes: &[Self], side: &Side, n: u32, out: &mut [f32]) {
+        let means = |sums: fn(&Self) -> &[f64; FOLDS], fold: u8, out: &mut [f32]| {
+            let (fold, count) = (usize::from(fold), fold_count(fold.into(), n));
+            out.iter_mut().zip(lanes).for_each(|(out, lane)| {
+                *out = (sums(lane)[fold] / count) as f32;
+            });
+        };
+        match *side {
+            Side::Fold(fold) => means(|lane| &lane.folds, fold, out),
+            Side::Root(fold) => means(|lane| &lane.roots, fold, out),
+            Side::Square(fold) => means(|lane| &lane.squares, fold, out),
+            Side::Variance => {
+                out.iter_mut().zip(lanes).for_each(|(out, lane)| *out = lane.variance(n));
+            }
+            Side::Skipped | Side::Other(_) => {}
+        }
+    }
 }
 
 fn sum([a, b, c, d]: [f64; FOLDS]) -> f64 {
@@ -102,6 +124,23 @@ mod tests {
         assert_eq!(sums, LaneSums { folds: [6.0, 2.0, 3.0, 4.0], roots, squares });
         assert_eq!([root(-4.0), root(0.0), root(9.0)], [-2.0, 0.0, 3.0]);
         assert_eq!((sums.total(), sums.variance(5)), (15.0, 0.5));
+    }
+
+    #[test]
+    fn side_channels_follow_from_the_sums() {
+        let mut lanes = [LaneSums::default(); 2];
+        (0..5).for_each(|i| lanes[0].add(i, f64::from(i + 1)));
+        (0..5).for_each(|i| lanes[1].add(i, 4.0));
+        let of = |side: Side, n: u32| {
+            let mut out = [9.0; 2];
+            LaneSums::write_side(&lanes, &side, n, &mut out);
+            out
+        };
+        assert_eq!((of(Side::Fold(0), 5), of(Side::Fold(3), 5)), ([3.0, 4.0], [4.0, 4.0]));
+        assert_eq!((of(Side::Root(3), 5), of(Side::Square(0), 5)), ([2.0, 2.0], [13.0, 16.0]));
+        assert_eq!(of(Side::Variance, 5), [0.5, 0.0]);
+        assert_eq!(of(Side::Skipped, 5), [9.0, 9.0]);
+        assert_eq!([1, 2, 3, 4].map(|n| Side::of_sums(n).count()), [0, 1, 1, 13]);
     }
 
     #[test]

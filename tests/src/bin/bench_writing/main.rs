@@ -143,7 +143,7 @@ impl Picture {
         let scene = Scene { size: [size; 2], ..Scene::load(&path)? };
         let keep = Keep::Window(8);
         let settings = RenderSettings { spp: 8, sampler: SamplerKind::Random, seed: 0, keep };
-        let batch = render(&scene, &settings, &|_| {})?.batch;
+        let batch = render(&scene, &settings, &|_| {})?.batch();
         let network = Network::builtin("cornell").ok_or("there is no network 'cornell'")??;
         let mut estimates = Estimates::default();
         MlpCpu::new(network).transform(&batch, &mut estimates)?;

@@ -14,7 +14,6 @@ use crate::{
     args::{KeepArg, RenderArgs},
     error::Error,
     interrupt,
-    method::DEFAULT_WINDOW,
     report::Done,
     words::counted,
 };
@@ -28,7 +27,7 @@ struct Report {
 }
 
 pub(super) fn run(args: &RenderArgs, runs: u32) -> Result<Done, Error> {
-    let settings = settings(args, DEFAULT_WINDOW, KeepArg::All);
+    let settings = settings(args, 1, KeepArg::All);
     if settings.seed.checked_add(u64::from(runs - 1)).is_none() {
         return Err(Error::Usage(format!(
             "--seed {} is too large for {}, whose seeds count up from it",
@@ -77,10 +76,10 @@ fn write(
         let seed = settings.seed + u64::from(done);
         let rendering = render_from(None, scene, &RenderSettings { seed, ..*settings }, control)?;
         // A run that Ctrl-C has stopped early is left out.
-        if rendering.batch.sample_counts() != sample_counts {
+        if rendering.sample_counts() != sample_counts {
             break;
         }
-        writer.push(&rendering.batch)?;
+        writer.push(&rendering.batch())?;
         done += 1;
         if interrupt::asked() {
             break;

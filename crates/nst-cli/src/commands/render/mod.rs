@@ -1,6 +1,5 @@
 //! `nst render`: scene → sequence → transformation → pictures.
 
-pub(super) mod advice;
 mod dataset;
 mod picture;
 mod resume;
@@ -25,9 +24,11 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     }
 }
 
-/// How to render; `keep` is the default of `--keep`.
+/// How to render; `window` is how many terms are read, and `keep` is the default of `--keep`.
 fn settings(args: &RenderArgs, window: usize, keep: KeepArg) -> RenderSettings {
-    let window = window.max(DEFAULT_WINDOW) as u32;
+    // Others may read stored terms later. Without them, memory counts.
+    let stored = args.sequence.is_some() || args.runs.is_some();
+    let window = window.max(if stored { DEFAULT_WINDOW } else { 1 }) as u32;
     RenderSettings {
         spp: args.spp,
         sampler: args.sampler.map_or_else(Default::default, Into::into),
@@ -47,7 +48,7 @@ fn paths(scene: &Scene, spp: u32) -> u64 {
 
 /// The outputs of a job that reads a scene, and perhaps weights.
 fn outputs(args: &RenderArgs, scene: &Scene) -> Outputs {
-    Outputs::of_inputs(scene.inputs.iter().chain(&args.method.weights))
+    Outputs::of_inputs(scene.inputs.iter().chain(args.method.files()))
 }
 
 /// Loads the scene. Options that are not given come from the stored sequence, if there is
@@ -100,4 +101,29 @@ fn describe(scene: &Scene, spp: u32, common: &CommonArgs) {
 fn progress(scene: &Scene, paths: u64, common: &CommonArgs) -> Progress {
     let before = format!("building the tree of {}", counted(scene.triangles.len(), "triangle"));
     Progress::count(&before, "render", paths, common)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+    use crate::args::{Args, Command};
+
+    #[test]
+    fn terms_are_kept_for_who_reads_them() {
+        let keep = |options: &str, window: usize| {
+            let line = format!("nst render --scene x.obj {options}");
+            let args = Args::try_parse_from(line.split_whitespace()).expect("a command line");
+            let Command::Render(args) = args.command else { panic!("it renders") };
+            settings(&args, window, KeepArg::Window).keep
+        };
+        assert_eq!(keep("", 1), Keep::Window(1));
+        assert_eq!(keep("", 8), Keep::Window(8));
+        assert_eq!(keep("--sequence s.exr", 1), Keep::Window(8));
+        assert_eq!(keep("--sequence s.exr", 16), Keep::Window(16));
+        assert_eq!(keep("--sequence s.exr --keep pow2", 1), Keep::Pow2(8));
+        assert_eq!(keep("--runs 2", 1), Keep::Window(8));
+        assert_eq!(keep("--sequence s.exr --keep all", 1), Keep::All);
+    }
 }

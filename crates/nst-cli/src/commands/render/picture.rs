@@ -1,29 +1,32 @@
 //! One rendering: its sequence, what the transformation makes of it, and the pictures.
 
-use std::path::{Path, PathBuf};
+use std::{
+    borrow::Cow,
+    ops::Range,
+    path::{Path, PathBuf},
+};
 
-use nst_core::{Estimates, SequenceBatch};
+use nst_core::{Estimates, SequenceBatch, Side, Strips, Support};
 use nst_files::{
     ColorModel,
     output::{Kind, Name, OutputFile, Outputs},
-    picture_writer::{PictureInfo, write_exr},
-    png,
+    picture_writer::PictureInfo,
     sequence_file::{ResumeInfo, SequenceInfo, SequenceWriter},
 };
-use nst_render::{Control, RenderSettings, Rendering, SamplerKind, Scene, render_from};
+use nst_render::{Control, RenderSettings, Rendering, Scene, render_from};
 
 use super::{
-    advice::options_with_a_network,
     describe, load_scene, outputs, paths, progress,
     resume::{self, Resumed, Start},
     settings,
 };
 use crate::{
+    adapter::caught,
     args::{KeepArg, RenderArgs},
-    commands::picture_files::{PictureFiles, layers},
+    commands::picture_files::{PictureFiles, header},
     error::Error,
     interrupt,
-    method::{Method, Origin},
+    method::Method,
     progress::Progress,
     report::{Done, say},
     summary::{Outcome, RenderStats, Stopwatch, timed},
@@ -34,7 +37,6 @@ struct Job<'a> {
     args: &'a RenderArgs,
     scene: Scene,
     fingerprint: String,
-    sampler: SamplerKind,
 }
 
 pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
@@ -46,8 +48,8 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
         None => args.sampler.map_or_else(Default::default, Into::into),
         Some(resumed) => resumed.sampler,
     };
-    let job = Job { args, fingerprint: scene.fingerprint(), scene, sampler };
-    let method = job.method(args.spp)?;
+    let job = Job { args, fingerprint: scene.fingerprint(), scene };
+    let method = Method::resolve(&args.method, &sampler.to_string())?;
     let advice =
         format!("use --spp {} or more, or --transform none", method.transform.requires().window);
     method.check_terms(args.spp as usize, &advice)?;
@@ -105,18 +107,6 @@ fn same(a: &Path, b: &PathBuf) -> bool {
 }
 
 impl Job<'_> {
-    /// The method for this many samples per pixel.
-    fn method(&self, spp: u32) -> Result<Method, Error> {
-        let (scene, sampler) = (self.fingerprint.as_str(), self.sampler.to_string());
-        let origin = Origin { scene, sampler: &sampler, counts: &[spp] };
-        let mut method = Method::resolve(&self.args.method, origin)?;
-        // What is continued keeps its options.
-        if self.args.resume.is_none() {
-            method.advise(|| options_with_a_network(&self.scene));
-        }
-        Ok(method)
-    }
-
     fn render(
         &self,
         mut watch: Stopwatch,
@@ -131,7 +121,7 @@ impl Job<'_> {
         let bar = progress(scene, paths(scene, args.spp - done), &args.common);
         let advance = |paths| bar.advance(paths);
         let control = Control { progress: &advance, stop: &interrupt::asked };
-        let start = start.map(|start| start.rendering);
+        let start = start.map(|start| start.from);
         let rendering = render_from(start, scene, settings, control)?;
         drop(bar);
 
@@ -142,35 +132,32 @@ impl Job<'_> {
             .transpose()?
             .into_iter()
             .for_each(|path| written.push(path));
-        let samples = *rendering.batch.sample_counts().last().expect("a rendering has a term");
-        // For fewer samples than planned, `auto` may choose another network, or none.
-        let method = if samples == args.spp { method } else { self.method(samples)? };
-        let mut estimates = Estimates::default();
+        let samples = rendering.samples();
         let transformed =
-            timed(&mut watch.transform, || method.transform(&rendering.batch, &mut estimates));
-        let values = transformed.as_ref().map_or(rendering.batch.last(), |_| estimates.values());
-        let info = PictureInfo {
-            samples_per_pixel: Some(samples),
-            render_seconds: Some(spent + rendering.time.as_secs_f32()),
-            ..PictureInfo::default()
-        };
-        let pictures = || write(scene.size, picture, &rendering.batch, values, &info);
-        written.extend(timed(&mut watch.io, pictures)?);
-        let judgement = transformed.map_err(|why| {
+            timed(&mut watch.transform, || caught(|| Estimated::of(&rendering, &method)));
+        let seconds = spent + rendering.time.as_secs_f32();
+        let estimated = transformed.as_ref().ok();
+        let judgement = estimated.and_then(|it| it.outcome.judgement.as_ref());
+        let info = header(samples, Some(seconds), judgement);
+        written.extend(timed(&mut watch.io, || write(&rendering, picture, estimated, &info))?);
+        let estimated = transformed.map_err(|why| {
             let saved = format!("{} show the plain estimates", written.join(", "));
             Error::Transform { why: why.to_string(), saved }
         })?;
 
-        let mut lanes = Outcome::new(judgement);
-        lanes.add(&estimates);
         let stats = RenderStats {
             time: rendering.time,
             build_time: rendering.build_time,
             paths: paths(scene, samples - done),
         };
         let notes = self.notes(&rendering);
-        let report =
-            watch.summary(Some(stats), &method, lanes, written, (notes, scene.notes.len()));
+        let report = watch.summary(
+            Some(stats),
+            &method,
+            estimated.outcome,
+            written,
+            (notes, scene.notes.len()),
+        );
         let early = (samples < args.spp).then(|| self.missing(samples));
         Ok(Done { report: Box::new(report), early })
     }
@@ -184,12 +171,12 @@ impl Job<'_> {
         rendering: &Rendering,
         spent: f32,
     ) -> Result<String, Error> {
-        let (scene, batch) = (&self.scene, &rendering.batch);
+        let scene = &self.scene;
         let info = SequenceInfo {
             size: scene.size,
             model: ColorModel::Rgb,
-            sample_counts: batch.sample_counts().to_vec(),
-            sides: batch.sides().map(|(side, _)| side.clone()).collect(),
+            sample_counts: rendering.sample_counts(),
+            sides: rendering.sides(),
             scene: self.fingerprint.clone(),
             sampler: settings.sampler.to_string(),
             seeds: vec![settings.seed],
@@ -202,7 +189,11 @@ impl Job<'_> {
             }),
         };
         let mut writer = SequenceWriter::create(&mut output, &info)?;
-        writer.push(batch, Some(&rendering.sums))?;
+        let mut strips = rendering.strips();
+        while let Some(strip) = strips.next_rows() {
+            let rows = rows(&strip);
+            writer.push(&strip, Some(&rendering.sums(rows.start as u32..rows.end as u32)))?;
+        }
         writer.finish()?;
         let path = output.path().display().to_string();
         output.commit()?;
@@ -217,7 +208,7 @@ impl Job<'_> {
             count => notes.push(format!("{count} samples were not finite and count as black")),
         }
         let background = self.scene.environment.background.map(|rgb| rgb.to_array());
-        let lanes = rendering.batch.last();
+        let lanes = rendering.last();
         let shows = |rgb: [f32; 3]| {
             lanes.chunks(lanes.len() / 3).zip(rgb).all(|(lanes, x)| lanes.iter().all(|&y| y == x))
         };
@@ -241,21 +232,92 @@ impl Job<'_> {
     }
 }
 
-/// Writes the picture, with the layers `S` and `Variance`, and the PNG; returns their
-/// paths.
+/// The rows of the picture that a strip has.
+fn rows(strip: &SequenceBatch) -> Range<usize> {
+    let grid = strip.grid().expect("strips of renderings have a grid");
+    let inner = grid.inner_rows();
+    let first = grid.first_row() as usize;
+    first + inner.start..first + inner.end
+}
+
+/// What a method makes of a rendering.
+struct Estimated {
+    /// Planar lanes of the whole picture.
+    values: Vec<f32>,
+    /// Their errors, in the same way; empty if the method estimates none.
+    errors: Vec<f32>,
+    pixels: usize,
+    width: usize,
+    outcome: Outcome,
+}
+
+impl Estimated {
+    /// Applies a method, strip by strip.
+    fn of(rendering: &Rendering, method: &Method) -> Result<Self, nst_core::Error> {
+        let needs = method.transform.requires();
+        let [width, height] = rendering.size();
+        let strips = rendering.strips();
+        let mut strips =
+            if needs.support == Support::Picture { strips.with_rows(height) } else { strips };
+        let fitted = method.transform.fit(&mut strips)?;
+
+        let (width, pixels) = (width as usize, width as usize * height as usize);
+        let lanes = pixels * ColorModel::Rgb.channels().len();
+        let errors = vec![0.0; if fitted.estimates_errors() { lanes } else { 0 }];
+        let outcome = Outcome::new(fitted.judgement().cloned());
+        let mut estimated = Self { values: vec![0.0; lanes], errors, pixels, width, outcome };
+        let mut estimates = Estimates::default();
+        let mut strips = strips.with_sides(needs.sides);
+        strips.rewind(needs.halo())?;
+        while let Some(strip) = strips.next_rows() {
+            fitted.apply(&strip, &mut estimates)?;
+            estimated.put(rows(&strip), &estimates);
+        }
+        Ok(estimated)
+    }
+
+    /// Takes the estimates of some rows.
+    fn put(&mut self, rows: Range<usize>, estimates: &Estimates) {
+        let place = rows.start * self.width..rows.end * self.width;
+        let pictures =
+            [(&mut self.values, estimates.values()), (&mut self.errors, estimates.errors())];
+        for (picture, rows) in pictures {
+            let planes = picture.chunks_exact_mut(self.pixels);
+            for (plane, rows) in planes.zip(rows.chunks_exact(place.len())) {
+                plane[place.clone()].copy_from_slice(rows);
+            }
+        }
+        self.outcome.add(estimates);
+    }
+
+    /// Some rows of the estimates, or of their errors.
+    fn get(&self, picture: &[f32], rows: Range<usize>) -> Vec<f32> {
+        let place = rows.start * self.width..rows.end * self.width;
+        let planes = picture.chunks_exact(self.pixels);
+        planes.flat_map(|plane| &plane[place.clone()]).copied().collect()
+    }
+}
+
+/// Writes the picture, of plain estimates where there are no others, and the PNG; returns
+/// their paths.
 fn write(
-    size: [u32; 2],
+    rendering: &Rendering,
     mut files: PictureFiles,
-    batch: &SequenceBatch,
-    values: &[f32],
+    estimated: Option<&Estimated>,
     info: &PictureInfo,
 ) -> Result<Vec<String>, Error> {
-    let layers = layers(batch, values);
-    let PictureFiles { exr, png } = &mut files;
-    let (exr_written, png_written) = rayon::join(
-        || exr.as_mut().map_or(Ok(()), |exr| write_exr(exr, size, ColorModel::Rgb, &layers, info)),
-        || png::write(png, size, values),
-    );
-    exr_written.and(png_written)?;
+    let sides = rendering.sides();
+    let with_errors = estimated.filter(|it| !it.errors.is_empty());
+    let errors = with_errors.is_some();
+    let mut picture = files.begin(rendering.size(), ColorModel::Rgb, &sides, errors, info)?;
+    let mut strips = rendering.strips().with_sides(&[Side::Variance]);
+    while let Some(strip) = strips.next_rows() {
+        let plain = || Cow::Borrowed(strip.last());
+        let of_rows = rows(&strip);
+        let errors = with_errors.map(|it| it.get(&it.errors, of_rows.clone()));
+        let values = estimated.map_or_else(plain, |it| it.get(&it.values, of_rows).into());
+        picture.push(&strip, &values, errors.as_deref())?;
+    }
+    picture.finish()?;
     files.commit()
 }

@@ -1,13 +1,10 @@
 //! What `nst render --resume` takes from a sequence file, and what it refuses.
 
-use std::{
-    path::{Path, PathBuf},
-    time::Duration,
-};
+use std::path::{Path, PathBuf};
 
 use nst_core::Keep;
 use nst_files::sequence_file::{ResumeInfo, SequenceFile, SequenceInfo, SequenceReader};
-use nst_render::{RenderSettings, Rendering, SamplerKind, Scene};
+use nst_render::{RenderSettings, SamplerKind, Scene};
 
 use crate::{
     args::{KeepArg, RenderArgs},
@@ -26,7 +23,7 @@ pub(crate) struct Resumed {
 
 /// A stored rendering, ready to be continued.
 pub(crate) struct Start {
-    pub(crate) rendering: Rendering,
+    pub(crate) from: nst_render::Start,
     /// Its samples per pixel.
     pub(crate) samples: u32,
     /// How long it has taken so far.
@@ -148,9 +145,7 @@ impl Resumed {
                 self.path.display()
             )));
         };
-        let rendering =
-            Rendering { batch: file.batch, sums, time: Duration::ZERO, build_time: Duration::ZERO };
-        Ok(Start { rendering, samples, seconds })
+        Ok(Start { from: nst_render::Start { batch: file.batch, sums }, samples, seconds })
     }
 }
 

@@ -32,11 +32,11 @@ fn room([dx, dy, dz]: [f64; 3], strays: &str) -> Scene {
 fn mean(scene: &Scene, seed: u64) -> [f64; 2] {
     let settings =
         RenderSettings { spp: 400, sampler: SamplerKind::Random, seed, keep: Keep::Window(2) };
-    let rendering = render(scene, &settings, &|_| {}).expect("it fits the memory");
+    let batch = render(scene, &settings, &|_| {}).expect("it fits the memory").batch();
     let red = 32 * 32;
-    let variance = rendering.batch.side(&Side::Variance).expect("more than one sample");
+    let variance = batch.side(&Side::Variance).expect("more than one sample");
     let sum = |lanes: &[f32]| lanes[..red].iter().map(|&x| f64::from(x)).sum::<f64>();
-    let (sum, variance) = (sum(rendering.batch.last()), sum(variance));
+    let (sum, variance) = (sum(batch.last()), sum(variance));
     [sum / red as f64, variance.sqrt() / red as f64]
 }
 

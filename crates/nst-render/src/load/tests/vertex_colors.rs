@@ -93,7 +93,7 @@ fn picture(files: &[(&str, &str)]) -> Vec<f32> {
     let settings =
         RenderSettings { spp: 64, sampler: SamplerKind::Random, seed: 1, keep: Keep::Window(1) };
     let rendering = render(&scene, &settings, &|_| {}).expect("it fits the memory");
-    rendering.batch.last().to_vec()
+    rendering.last()
 }
 
 /// A quad that fills the picture, in a white environment: every path that scatters once

@@ -1,20 +1,20 @@
 //! The methods of a bench: made ready once, and applied to runs.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     path::PathBuf,
     time::{Duration, Instant},
 };
 
 use nst_core::{Estimates, SequenceBatch, guard::Judgement};
 
-use super::source::{Origin, Run, Source};
+use super::source::{Origin, Run};
 use crate::{
-    args::{BackendArg, TransformArg},
-    commands::render::advice::options_with_a_network,
+    args::{BackendArg, ExpertArg, TransformArg},
     error::Error,
-    method::{self, DEFAULT_WINDOW, Method},
-    results::{PLAIN, check_name},
+    method::Method,
+    results::check_name,
+    summary::why_kept,
     words::numbers,
 };
 
@@ -26,12 +26,16 @@ pub(super) struct Methods {
     /// How long it took to open a GPU for the first network: drivers are loaded once in a
     /// process, and other networks would seem to be faster.
     opening: Option<Duration>,
+    /// Why the guard kept the plain estimates, of which method, and at which sample counts.
+    kept: BTreeMap<(String, String), BTreeSet<u32>>,
 }
 
 /// Where a method comes from.
 #[derive(Clone)]
 enum Choice {
     Named(TransformArg),
+    /// The guard, with other experts than its own.
+    Experts(Vec<ExpertArg>),
     Weights(PathBuf),
 }
 
@@ -83,13 +87,17 @@ impl Methods {
     pub(super) fn new(
         asked: &[TransformArg],
         weights: &[PathBuf],
+        experts: &[ExpertArg],
         backend: BackendArg,
     ) -> Result<Self, Error> {
         let mut names: Vec<(String, Choice)> = Vec::new();
         for &transform in [TransformArg::None].iter().chain(asked) {
-            let name = transform.name();
-            if names.iter().all(|(earlier, _)| earlier != name) {
-                names.push((name.to_owned(), Choice::Named(transform)));
+            let (name, choice) = match transform {
+                TransformArg::Auto if !experts.is_empty() => named_by(experts)?,
+                transform => (transform.name().to_owned(), Choice::Named(transform)),
+            };
+            if names.iter().all(|(earlier, _)| *earlier != name) {
+                names.push((name, choice));
             }
         }
         for path in weights {
@@ -105,7 +113,8 @@ impl Methods {
             }
             names.push((name.into_owned(), Choice::Weights(path.clone())));
         }
-        Ok(Self { backend, names, ready: BTreeMap::new(), opening: None })
+        let (ready, kept) = (BTreeMap::new(), BTreeMap::new());
+        Ok(Self { backend, names, ready, opening: None, kept })
     }
 
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
@@ -129,37 +138,24 @@ impl Methods {
         names: impl IntoIterator<Item = &'a str>,
         origin: &Origin,
     ) -> Result<usize, Error> {
-        let mut window = DEFAULT_WINDOW;
+        let mut window = 1;
         for name in names {
             let Some(choice) = self.choice(name) else { continue };
-            let method = &self.ready(name, &choice, origin, &[])?.method;
+            let method = &self.ready(name, &choice, origin)?.method;
             window = window.max(method.transform.requires().window);
         }
         Ok(window)
     }
 
-    /// Makes a method ready; for `auto`, that is the one that it chooses.
-    fn ready(
-        &mut self,
-        name: &str,
-        choice: &Choice,
-        origin: &Origin,
-        counts: &[u32],
-    ) -> Result<&mut Ready, Error> {
-        let origin = known_of(origin, counts);
-        let (name, choice) = match choice {
-            Choice::Named(auto @ TransformArg::Auto) => {
-                let name = Method::named(*auto, BackendArg::Cpu, origin)?.name;
-                let named = TransformArg::named(&name).expect("methods have names");
-                (name, Choice::Named(named))
-            }
-            choice => (name.to_owned(), choice.clone()),
-        };
-        if !self.ready.contains_key(&name) {
+    /// Makes a method ready.
+    fn ready(&mut self, name: &str, choice: &Choice, origin: &Origin) -> Result<&mut Ready, Error> {
+        if !self.ready.contains_key(name) {
             let begin = Instant::now();
             let method = match choice {
-                Choice::Named(named) => Method::named(named, self.backend, origin)?,
-                Choice::Weights(path) => Method::of_file(&path, self.backend)?,
+                Choice::Named(TransformArg::Auto) => Method::auto(&[], &origin.sampler)?,
+                Choice::Named(named) => Method::named(*named, self.backend)?,
+                Choice::Experts(experts) => Method::auto(experts, &origin.sampler)?,
+                Choice::Weights(path) => Method::of_file(path, self.backend)?,
             };
             let mut making = begin.elapsed();
             let own = method.adapter.opening();
@@ -168,9 +164,9 @@ impl Methods {
             }
             let opening = own.map(|own| *self.opening.get_or_insert(own)).unwrap_or_default();
             let ready = Ready { method, making, opening, warming: None };
-            self.ready.insert(name.clone(), ready);
+            self.ready.insert(name.to_owned(), ready);
         }
-        Ok(self.ready.get_mut(&name).expect("it was put there"))
+        Ok(self.ready.get_mut(name).expect("it was put there"))
     }
 
     /// The estimates of a method that can be made, or why it fails on this run.
@@ -182,7 +178,7 @@ impl Methods {
     ) -> Result<Transformed, String> {
         let in_background = self.backend == BackendArg::Auto;
         let choice = self.choice(name).ok_or("there is no such method")?;
-        let ready = self.ready(name, &choice, origin, batch.sample_counts());
+        let ready = self.ready(name, &choice, origin);
         let ready = ready.map_err(|error| error.to_string())?;
         let opening = Opening { time: ready.opening, in_background };
         let window = ready.method.transform.requires().window;
@@ -203,14 +199,19 @@ impl Methods {
             ready.warming = Some(first.saturating_sub(once()?));
         }
         let warm = once()?;
-        Ok(Transformed {
+        let transformed = Transformed {
             values: estimates.values().to_vec(),
-            judgement,
             cold: warm + ready.making + ready.warming.unwrap_or_default(),
             warm,
             opening,
             adapter: ready.method.adapter(),
-        })
+            judgement,
+        };
+        let spp = batch.sample_counts().last().copied().unwrap_or_default();
+        if let Some(why) = transformed.judgement.as_ref().and_then(why_kept) {
+            self.kept.entry((name.to_owned(), why)).or_default().insert(spp);
+        }
+        Ok(transformed)
     }
 
     /// The picture that a method makes of a run, if it does not fail.
@@ -218,36 +219,22 @@ impl Methods {
         Some(self.transform(name, origin, &run.batch).ok()?.values)
     }
 
-    /// Why `auto` used no network, and at which sample counts.
-    pub(super) fn notes(&self, source: &Source, origin: &Origin) -> Result<Vec<String>, Error> {
-        let mut reasons: Vec<(String, Vec<u32>)> = Vec::new();
-        let counts = source.counts();
-        let auto = self.names().any(|name| name == TransformArg::Auto.name());
-        for counts in counts.iter().filter(|_| auto) {
-            let known = known_of(origin, counts);
-            let mut method = Method::named(TransformArg::Auto, BackendArg::Cpu, known)?;
-            if method.name != PLAIN {
-                continue;
-            }
-            if let Source::Scene { scene, .. } = source {
-                method.advise(|| options_with_a_network(scene));
-            }
-            let spp = counts.last().copied().unwrap_or_default();
-            match reasons.iter_mut().find(|(reason, _)| *reason == method.reason) {
-                Some((_, spps)) => spps.push(spp),
-                None => reasons.push((method.reason, vec![spp])),
-            }
-        }
-        let note = |(reason, spps): (String, Vec<u32>)| {
-            format!("'auto' used no network at {} spp: {reason}", numbers(&spps))
+    /// Where the guard kept the plain estimates, of what was measured this time, and why.
+    pub(super) fn notes(&self) -> Vec<String> {
+        let note = |((name, why), spps): (&(String, String), &BTreeSet<u32>)| {
+            let spps: Vec<u32> = spps.iter().copied().collect();
+            format!("'{name}' kept the plain estimates at {} spp: {why}", numbers(&spps))
         };
-        Ok(reasons.into_iter().map(note).collect())
+        self.kept.iter().map(note).collect()
     }
 }
 
-/// What `auto` knows of runs with these sample counts.
-fn known_of<'a>(origin: &'a Origin, counts: &'a [u32]) -> method::Origin<'a> {
-    method::Origin { scene: &origin.fingerprint, sampler: &origin.sampler, counts }
+/// The guard over these experts, and what a table calls it.
+fn named_by(experts: &[ExpertArg]) -> Result<(String, Choice), Error> {
+    let names: Vec<String> = experts.iter().map(ToString::to_string).collect();
+    let name = format!("{}: {}", TransformArg::Auto.name(), names.join(" + "));
+    check_name(&name).map_err(|why| Error::Usage(format!("--experts: {why}")))?;
+    Ok((name, Choice::Experts(experts.to_vec())))
 }
 
 #[cfg(test)]
@@ -262,7 +249,7 @@ mod tests {
         let asked = ["families", "cornell", "gmon"].map(TransformArg::named);
         let asked: Vec<TransformArg> = asked.into_iter().flatten().collect();
         let mut methods =
-            Methods::new(&asked, &[], BackendArg::Auto).map_err(|error| error.to_string())?;
+            Methods::new(&asked, &[], &[], BackendArg::Auto).map_err(|error| error.to_string())?;
         let origin = Origin {
             scene: String::new(),
             fingerprint: String::new(),

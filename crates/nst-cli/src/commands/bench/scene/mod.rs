@@ -15,7 +15,7 @@ use nst_files::output::{Kind, Name, Outputs};
 use nst_render::{LoadOptions, SamplerKind, Scene};
 
 use crate::{
-    args::{BenchSceneArgs, TransformArg},
+    args::{BenchSceneArgs, ExpertArg, TransformArg},
     commands::check_distinct,
     error::Error,
     interrupt,
@@ -45,7 +45,9 @@ const PATHS_PER_METHOD: u64 = 8;
 pub(super) fn run(args: &BenchSceneArgs) -> Result<Done, Error> {
     check_seeds(args)?;
     check_distinct(&[&args.reference[..], &args.sequence].concat())?;
-    let mut inputs: Vec<_> = args.reference.iter().chain(&args.weights).cloned().collect();
+    let of_experts = args.experts.iter().filter_map(ExpertArg::file);
+    let inputs = args.reference.iter().chain(&args.weights).chain(of_experts);
+    let mut inputs: Vec<_> = inputs.cloned().collect();
     inputs.extend(args.picture.iter().map(|picture| picture.file.clone()));
     inputs.extend(args.sequence.clone());
     interrupt::finish_on_signal();
@@ -81,7 +83,7 @@ pub(super) fn run(args: &BenchSceneArgs) -> Result<Done, Error> {
     let results = Results::of(table.rows().iter().cloned())?;
     let files = [&args.output, pictures.path()].map(|path| path.display().to_string());
     let mut notes: Vec<String> = reference.notes().into_iter().collect();
-    notes.extend(methods.notes(&source, &origin)?);
+    notes.extend(methods.notes());
     pictures::write(&meter, &source, &mut methods, others, &results, pictures)?;
     Ok(Done::whole(Report::of(&results, notes, files.into())))
 }
@@ -93,7 +95,7 @@ fn methods(args: &BenchSceneArgs) -> Result<Methods, Error> {
     } else {
         args.transform.clone()
     };
-    let methods = Methods::new(&asked, &args.weights, args.backend)?;
+    let methods = Methods::new(&asked, &args.weights, &args.experts, args.backend)?;
     for name in args.picture.iter().map(|picture| &picture.name) {
         if methods.can_make(name) {
             return Err(Error::Usage(format!(
@@ -165,8 +167,7 @@ fn source(
         sampler: sampler.to_string(),
         size: scene.size,
     };
-    let (scene, seed, spp) = (Box::new(scene), args.seed, args.spp.clone());
-    Ok((Source::Scene { scene, loading, sampler, seed, spp }, origin))
+    Ok((Source::Scene { scene: Box::new(scene), loading, sampler, seed: args.seed }, origin))
 }
 
 /// A size of the same shape, whose longer side is not larger than this.

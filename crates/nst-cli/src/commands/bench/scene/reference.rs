@@ -172,10 +172,10 @@ fn half(
     let settings =
         RenderSettings { spp, sampler: SamplerKind::Random, seed, keep: Keep::Window(1) };
     let rendering = render_from(None, scene, &settings, control)?;
-    if rendering.batch.sample_counts().last() != Some(&spp) {
+    if rendering.samples() != spp {
         return Ok(None);
     }
-    let lanes = rendering.batch.last().to_vec();
+    let lanes = rendering.last();
     let mut output = OutputFile::create(&file)?;
     let info = PictureInfo {
         samples_per_pixel: Some(spp),

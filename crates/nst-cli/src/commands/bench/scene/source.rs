@@ -23,8 +23,6 @@ pub(super) enum Source {
         sampler: SamplerKind,
         /// The seed of the first run.
         seed: u64,
-        /// Sample counts of the runs.
-        spp: Vec<u32>,
     },
     /// Each file is a run at its own sample count.
     Files(Vec<File>),
@@ -33,8 +31,6 @@ pub(super) enum Source {
 /// A sequence file, of which the header was read.
 pub(super) struct File {
     path: PathBuf,
-    /// The samples of its terms.
-    counts: Vec<u32>,
     pub(super) spp: u32,
     /// Among the files of its sample count.
     pub(super) run: u32,
@@ -122,7 +118,7 @@ impl Source {
                     path.display()
                 )));
             }
-            files.push(File { path: path.clone(), counts: info.sample_counts, spp, run, seed });
+            files.push(File { path: path.clone(), spp, run, seed });
         }
         let (_, origin) = first.expect("the command line asks for one");
         Ok((Self::Files(files), origin))
@@ -151,18 +147,6 @@ impl Source {
             .collect()
     }
 
-    /// The samples of the terms of a run, for each sample count.
-    pub(super) fn counts(&self) -> Vec<Vec<u32>> {
-        let mut counts: Vec<Vec<u32>> = match self {
-            // The last terms are one sample apart.
-            Self::Scene { spp, .. } => spp.iter().map(|&spp| vec![spp]).collect(),
-            Self::Files(files) => files.iter().map(|file| file.counts.clone()).collect(),
-        };
-        counts.sort_by_key(|counts| counts.last().copied());
-        counts.dedup_by_key(|counts| counts.last().copied());
-        counts
-    }
-
     /// Whether [`Self::run`] has a run.
     pub(super) fn has(&self, spp: u32, number: u32) -> bool {
         match self {
@@ -189,7 +173,7 @@ impl Source {
                 let control = Control { progress: &|_| {}, stop: &interrupt::asked };
                 let rendering = render_from(None, scene, &settings, control)?;
                 let render_time = Some(rendering.time);
-                Ok(Run { spp, number, seed: Some(seed), batch: rendering.batch, render_time })
+                Ok(Run { spp, number, seed: Some(seed), batch: rendering.batch(), render_time })
             }
             Self::Files(files) => {
                 let file = files.iter().find(|file| file.spp == spp && file.run == number);

@@ -14,7 +14,7 @@ use serde::{Serialize, Serializer};
 use crate::{
     args::{BackendArg, BenchStabilityArgs, TransformArg},
     error::Error,
-    method::{Method, Origin},
+    method::Method,
 };
 
 use regimes::{REGIMES, Regime, window};
@@ -141,12 +141,12 @@ const NETWORKS: [&str; 2] = ["cornell", "families"];
 
 fn rows(effort: &Effort) -> Result<Vec<Row>, Error> {
     let networks = NETWORKS.iter().map(|&name| TransformArg::Builtin(name));
-    let methods = METHODS.iter().map(|&(name, _)| TransformArg::Method(name));
+    let methods = METHODS.iter().filter_map(|(name, _)| TransformArg::named(name));
     let methods = [TransformArg::None]
         .into_iter()
         .chain(methods)
         .chain(networks)
-        .map(|transform| Method::named(transform, BackendArg::Cpu, Origin::default()))
+        .map(|transform| Method::named(transform, BackendArg::Cpu))
         .collect::<Result<Vec<_>, _>>()?;
 
     let sample = cost_sample(effort.cost_lanes);
@@ -353,7 +353,7 @@ mod tests {
     fn named(name: &'static str) -> Result<Method, Error> {
         let none = name == "none";
         let transform = if none { TransformArg::None } else { TransformArg::Method(name) };
-        Method::named(transform, BackendArg::Cpu, Origin::default())
+        Method::named(transform, BackendArg::Cpu)
     }
 
     #[test]

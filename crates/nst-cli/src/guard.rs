@@ -1,0 +1,88 @@
+//! The guard of the command line: over which experts, and where it has nothing to hold out.
+
+use nst_core::{
+    Error as CoreError, Estimates, Fitted, Identity, MlpCpu, Requirements, SequenceBatch, Strips,
+    Transform,
+    guard::{Expert, Guard, Judgement, OfTransform},
+};
+
+use crate::{
+    args::ExpertArg,
+    error::Error,
+    networks::{builtin, network_of},
+};
+
+/// The sampler whose folds are parts of one sequence, so that none says anything about the
+/// error of the others.
+const NESTED: &str = "halton";
+
+/// Why the plain estimates stay then.
+const NESTED_FOLDS: &str = "the folds of --sampler halton depend on each other, so that none can be \
+                            held out; those of --sampler halton-folds do not";
+
+/// The guard over the experts of a list, which are its own if the list is empty, for samples of
+/// this sampler.
+///
+/// # Errors
+/// [`Error::Usage`] says which expert cannot be one, and why.
+pub(crate) fn guard(list: &[ExpertArg], sampler: &str) -> Result<Box<dyn Transform>, Error> {
+    let others = list.iter().filter_map(|arg| expert(arg).transpose());
+    let others = others.collect::<Result<_, _>>()?;
+    if !list.is_empty() && !list.contains(&ExpertArg::Lane) {
+        // Its first regression also says which lanes are alike.
+        return Err(Error::Usage(
+            "--experts: 'lane', the guard's own experts, always takes part; add it to the list"
+                .into(),
+        ));
+    }
+    if let Some((_, twice)) = list.iter().enumerate().find(|(i, it)| list[..*i].contains(it)) {
+        return Err(Error::Usage(format!("--experts: '{twice}' is named twice")));
+    }
+    let guard = Guard::new(others).map_err(|error| Error::Usage(format!("--experts: {error}")))?;
+    if sampler == NESTED {
+        let notes = vec![NESTED_FOLDS.to_owned()];
+        let judgement = Judgement { ratio: 1.0, interval: [1.0; 2], notes, ..Judgement::default() };
+        return Ok(Box::new(Kept(judgement)));
+    }
+    Ok(Box::new(guard))
+}
+
+/// The expert of a name; `None` for those that the guard has anyway.
+fn expert(arg: &ExpertArg) -> Result<Option<Box<dyn Expert>>, Error> {
+    let (network, option) = match arg {
+        ExpertArg::Lane => return Ok(None),
+        ExpertArg::Builtin(name) => (builtin(name)?, "--transform"),
+        ExpertArg::Weights(path) => (network_of(path)?, "--weights"),
+    };
+    let expert = OfTransform::new(arg.to_string(), MlpCpu::new(network)).map_err(|error| {
+        let why = match error {
+            CoreError::Batch(why) => why,
+            error => error.to_string(),
+        };
+        Error::Usage(format!("--experts: {why}; {option} {arg} applies it without the guard"))
+    })?;
+    Ok(Some(Box::new(expert)))
+}
+
+/// Keeps the plain estimates, and says why.
+struct Kept(Judgement);
+
+impl Transform for Kept {
+    fn requires(&self) -> Requirements {
+        Identity.requires()
+    }
+
+    fn fit(&self, _: &mut dyn Strips) -> Result<Box<dyn Fitted + '_>, CoreError> {
+        Ok(Box::new(self))
+    }
+}
+
+impl Fitted for Kept {
+    fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), CoreError> {
+        Identity.apply(strip, out)
+    }
+
+    fn judgement(&self) -> Option<&Judgement> {
+        Some(&self.0)
+    }
+}

@@ -1,0 +1,151 @@
+//! Rows of a picture, made from what is recorded of its tiles: sequences and side channels.
+
+use std::ops::Range;
+
+use ndarray::Array2;
+use nst_core::{Grid, LaneSums, SequenceBatch, Side};
+use rayon::prelude::*;
+
+use crate::{
+    film::Skipped,
+    rendering::CHANNELS,
+    slots::Slots,
+    tiles::{TILE, Tile},
+};
+
+/// What is recorded of a tile.
+pub(crate) struct TileView<'a> {
+    pub(crate) tile: Tile,
+    /// `[channel][pixel]`
+    pub(crate) sums: Vec<&'a [LaneSums]>,
+    /// `[slot][channel][pixel]`
+    pub(crate) terms: Vec<&'a [f32]>,
+    pub(crate) skipped: &'a Skipped,
+}
+
+/// Some rows of a picture.
+pub(crate) struct Strip<'a> {
+    pub(crate) rows: Range<u32>,
+    /// Of the picture.
+    pub(crate) width: u32,
+    pub(crate) slots: Slots,
+    /// How many samples each pixel has.
+    pub(crate) samples: u32,
+    /// All tiles that have some of these rows, from the top, and from the left.
+    pub(crate) tiles: Vec<TileView<'a>>,
+}
+
+impl Strip<'_> {
+    /// The rows with these side channels, as far as the samples have them. Each of them that
+    /// follows from the sums is given only from enough samples on.
+    pub(crate) fn batch(&self, [above, below]: [u32; 2], sides: &[Side]) -> SequenceBatch {
+        const FITS: &str = "a strip has a number for each lane of its grid";
+        let rows = self.rows.len() as u32;
+        let grid = Grid::new(self.width, rows, CHANNELS as u32, self.rows.start);
+        let grid = grid.and_then(|grid| grid.with_halo(above, below)).expect(FITS);
+        let slots = self.slots.sorted(self.samples);
+        let mut terms = vec![0.0; slots.len() * grid.lanes()];
+        self.fill(&mut [&mut terms[..]], |tile, plane, pixels, out| {
+            let term = tile.terms[slots[plane / CHANNELS] * CHANNELS + plane % CHANNELS];
+            out[0].copy_from_slice(&term[pixels]);
+        });
+        let terms = Array2::from_shape_vec((slots.len(), grid.lanes()), terms).expect(FITS);
+        let batch = SequenceBatch::new(terms, self.slots.sample_counts(self.samples));
+        let mut batch = batch.expect("a rendering has a sample");
+        batch.set_grid(grid).expect(FITS);
+        for (side, values) in self.sides(&grid, sides) {
+            batch.set_side(side, values).expect(FITS);
+        }
+        batch
+    }
+
+    /// The last term, `[lane]`.
+    pub(crate) fn last(&self) -> Vec<f32> {
+        let slots = self.slots.sorted(self.samples);
+        let slot = *slots.last().expect("a rendering has a sample");
+        let mut last = vec![0.0; self.lanes()];
+        self.fill(&mut [&mut last[..]], |tile, channel, pixels, out| {
+            out[0].copy_from_slice(&tile.terms[slot * CHANNELS + channel][pixels]);
+        });
+        last
+    }
+
+    /// The sums, `[lane]`.
+    pub(crate) fn sums(&self) -> Vec<LaneSums> {
+        let mut sums = vec![LaneSums::default(); self.lanes()];
+        self.fill(&mut [&mut sums[..]], |tile, channel, pixels, out| {
+            out[0].copy_from_slice(&tile.sums[channel][pixels]);
+        });
+        sums
+    }
+
+    fn lanes(&self) -> usize {
+        CHANNELS * self.rows.len() * self.width as usize
+    }
+
+    /// Those of some side channels that can be given.
+    fn sides(&self, grid: &Grid, wanted: &[Side]) -> Vec<(Side, Vec<f32>)> {
+        let of_sums = Side::of_sums(self.samples).filter(|side| wanted.contains(side));
+        let of_sums: Vec<&Side> = of_sums.collect();
+        let mut planes = vec![vec![0.0; grid.lanes()]; of_sums.len()];
+        let mut outs: Vec<&mut [f32]> = planes.iter_mut().map(Vec::as_mut_slice).collect();
+        self.fill(&mut outs, |tile, channel, pixels, out| {
+            let sums = &tile.sums[channel][pixels];
+            for (side, out) in of_sums.iter().zip(out) {
+                LaneSums::write_side(sums, side, self.samples, out);
+            }
+        });
+        let mut sides: Vec<_> = of_sums.into_iter().cloned().zip(planes).collect();
+        if wanted.contains(&Side::Skipped) {
+            sides.push((Side::Skipped, self.skipped(grid)));
+        }
+        sides
+    }
+
+    /// How many samples of each pixel count as black.
+    fn skipped(&self, grid: &Grid) -> Vec<f32> {
+        let mut counts = vec![0.0; grid.pixels()];
+        for TileView { tile, skipped, .. } in &self.tiles {
+            for (&i, &count) in *skipped {
+                let (x, y) = tile.pixel(i as usize);
+                if self.rows.contains(&y) {
+                    counts[((y - self.rows.start) * self.width + x) as usize] = count as f32;
+                }
+            }
+        }
+        counts
+    }
+
+    /// Fills images `[plane][row][x]`. `write` gets a tile, the number of the plane, pixels of
+    /// the tile, and the place of these in each of `outs`.
+    fn fill<T: Send>(
+        &self,
+        outs: &mut [&mut [T]],
+        write: impl Fn(&TileView<'_>, usize, Range<usize>, &mut [&mut [T]]) + Sync,
+    ) {
+        let width = self.width as usize;
+        // `[plane][row][image]`
+        let mut parts: Vec<Vec<&mut [T]>> = Vec::new();
+        for out in outs {
+            let rows = out.chunks_exact_mut(width);
+            parts.resize_with(rows.len(), Vec::new);
+            parts.iter_mut().zip(rows).for_each(|(part, row)| part.push(row));
+        }
+        let across = self.width.div_ceil(TILE) as usize;
+        let first = self.rows.start / TILE;
+        parts.into_par_iter().enumerate().for_each(|(i, mut outs)| {
+            let (plane, y) = (i / self.rows.len(), self.rows.start + (i % self.rows.len()) as u32);
+            let tiles = &self.tiles[(y / TILE - first) as usize * across..][..across];
+            for tile in tiles {
+                let mut part: Vec<&mut [T]> = Vec::with_capacity(outs.len());
+                for out in &mut outs {
+                    let rest = std::mem::take(out);
+                    let (left, right) = rest.split_at_mut(tile.tile.width as usize);
+                    part.push(left);
+                    *out = right;
+                }
+                write(tile, plane, tile.tile.row(y), &mut part);
+            }
+        });
+    }
+}
