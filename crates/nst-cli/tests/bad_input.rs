@@ -391,7 +391,12 @@ fn comparisons() {
     fails(&bench, "compare text.exr r1.exr", 1, &["text.exr", "EXR"]);
     fails(&bench, "compare r1.exr r2.exr", 1, &["r1.exr", "8x8", "r2.exr", "8x9"]);
     fails(&bench, "compare r1.exr mono.exr", 1, &["R, G, B", "mono.exr", "of Y"]);
-    fails(&bench, "compare r1.exr r1.exr --layer T", 1, &["r1.exr", "'T'", "S, StdError, Variance"]);
+    fails(
+        &bench,
+        "compare r1.exr r1.exr --layer T",
+        1,
+        &["r1.exr", "'T'", "S, StdError, Variance"],
+    );
     fails(&bench, "compare r1.exr r1.exr --error-map map.jpg", 2, &["--error-map", ".png"]);
     fails(&bench, "compare r1.exr r1.exr --error-map gone/map.png", 1, &["gone/map.png"]);
     fails(&bench, "compare r1.exr r2.exr --error-map r1.png", 1, &["8x9"]);

@@ -21,6 +21,7 @@
 mod hats;
 mod judge;
 mod logarithm;
+mod refit;
 mod regression;
 mod sample;
 mod seen;
@@ -33,17 +34,18 @@ use rayon::prelude::*;
 
 pub use judge::Judgement;
 use judge::{ErrorRatios, judge};
+use refit::Refit;
 use regression::Regressions;
-use sample::{FoldMeans, GROUPS, Sample, fold_means};
-pub use seen::{Expert, OfTransform, Seen};
+use sample::{FoldMeans, FurtherMeans, GROUPS, Sample, fold_means, further_means, part_of};
+pub use seen::{Expert, Features, OfTransform, Seen};
 use simplex::MOST;
 use table::Table;
 use view::{Lanes, View};
 use weights::{Changes, Weights, of_lane, strata};
 
 use crate::{
-    Error, Estimates, FOLDS, Fitted, Requirements, SequenceBatch, Side, Status, Strips, Support,
-    Transform,
+    Error, Estimates, FOLDS, Fitted, Power, Requirements, SequenceBatch, Side, Status, Strips,
+    Support, Transform,
 };
 
 /// Lanes per task of the thread pool when estimates are made.
@@ -63,6 +65,8 @@ pub struct Guard {
 /// A [`Guard`] that has measured its experts on a batch.
 pub struct FittedGuard<'a> {
     experts: Vec<&'a dyn Expert>,
+    /// Those that were fitted again.
+    refits: Vec<Refit<'a>>,
     /// Or why all lanes keep the plain estimate.
     learnt: Result<Learnt, Status>,
     judgement: Judgement,
@@ -77,6 +81,8 @@ struct Learnt {
     unit: f64,
     /// How many samples are in each fold.
     counts: [f64; FOLDS],
+    /// Further powers that experts see.
+    powers: Vec<Power>,
 }
 
 /// The experts that learn from the batch.
@@ -108,9 +114,12 @@ impl Guard {
     /// [`Error::Batch`] if there are too many.
     pub fn new(experts: Vec<Box<dyn Expert>>) -> Result<Self, Error> {
         const MOST_EXPERTS: usize = MOST - CORRECTIONS.len();
-        if experts.len() > MOST_EXPERTS {
-            let message =
-                format!("{} experts; at most {MOST_EXPERTS} can be blended", experts.len());
+        let adapting = experts.iter().filter(|expert| expert.adapts().is_some()).count();
+        if experts.len() + adapting > MOST_EXPERTS {
+            let message = format!(
+                "{} experts, {adapting} of them also refitted; at most {MOST_EXPERTS} can be blended",
+                experts.len()
+            );
             return Err(Error::Batch(message));
         }
         Ok(Self { experts })
@@ -123,10 +132,11 @@ impl Guard {
     pub fn measure<'a>(&'a self, strips: &mut dyn Strips) -> Result<FittedGuard<'a>, Error> {
         let plain = |status: Status, why: &str| FittedGuard {
             experts: Vec::new(),
+            refits: Vec::new(),
             learnt: Err(status),
             judgement: Judgement::plain(why),
         };
-        let Some(sample) = Sample::take(strips)? else {
+        let Some(sample) = Sample::take(strips, &self.powers())? else {
             let why = "there are no statistics of four folds, as of snapshots, old files, or fewer \
                        than four samples, so nothing can be held out";
             return Ok(plain(Status::NoFolds, why));
@@ -140,26 +150,13 @@ impl Guard {
         }
         let views: Vec<View> = (0..=GROUPS)
             .into_par_iter()
-            .map(|group| View::new(&sample.means(), &sample.counts, group, None))
+            .map(|group| View::new(&sample.means(), &sample.further(), &sample.counts, group, None))
             .collect();
         if !views.iter().all(|view| view.unit > 0.0 && view.unit.is_finite()) {
             return Ok(plain(Status::Constant, "all estimates are 0"));
         }
         let missing = missing(&sample, &views[..GROUPS]);
-        let mut notes = Vec::new();
-        let mut experts: Vec<&dyn Expert> = Vec::new();
-        let mut of_experts = vec![Vec::new(); views.len()];
-        for expert in &self.experts {
-            let found: Result<Vec<_>, _> =
-                views.iter().map(|view| change(&**expert, view)).collect();
-            match found {
-                Ok(found) => {
-                    experts.push(&**expert);
-                    of_experts.iter_mut().zip(found).for_each(|(all, found)| all.push(found));
-                }
-                Err(error) => notes.push(format!("'{}' is left out: {error}", expert.name())),
-            }
-        }
+        let Asked { experts, changes: of_experts, features, notes } = self.ask(&views);
         let (unit, counts) = (views[GROUPS].unit, sample.counts);
         let lanes: Vec<Lanes> = views.into_par_iter().map(View::lanes).collect();
         let held_out = &lanes[..GROUPS];
@@ -167,18 +164,77 @@ impl Guard {
             regressions: Regressions::fit(&sample, held_out, &missing),
             table: Table::fit(&sample, held_out, &missing),
         };
+        let refit = |(expert, of, of_views): &(&'a dyn Expert, _, Vec<Vec<f32>>)| {
+            Refit::fit(*expert, *of, &of_views[..GROUPS], &sample, held_out, &missing)
+        };
+        let refits: Vec<Refit<'a>> = features.iter().map(refit).collect();
         let half = |lane: usize| usize::from(sample.pixels[lane / sample.channels].half);
         let of_corrections = lanes.par_iter().map(|lanes| corrections.changes(lanes, half));
         let mut changes: Vec<Vec<Vec<f32>>> = of_corrections.collect();
         changes.iter_mut().zip(of_experts).for_each(|(all, of_experts)| all.extend(of_experts));
+        for (refit, (.., of_views)) in refits.iter().zip(&features) {
+            let all = changes.iter_mut().zip(of_views);
+            all.for_each(|(all, features)| all.push(refit.changes(features, half)));
+        }
         let changes = Changes::new(&sample, &lanes, &missing, &changes);
         let weights = Weights::fit(&changes);
         let names = CORRECTIONS.into_iter().chain(experts.iter().map(|expert| expert.name()));
+        let names = names.chain(refits.iter().map(|refit| refit.name.as_str()));
         let (judgement, errors) =
             judge(&changes, &weights, names.map(str::to_owned).collect(), notes);
-        let learnt = Learnt { corrections, weights, errors, unit, counts };
-        Ok(FittedGuard { experts, learnt: Ok(learnt), judgement })
+        let powers = sample.further().into_iter().map(|(power, _)| power).collect();
+        let learnt = Learnt { corrections, weights, errors, unit, counts, powers };
+        Ok(FittedGuard { experts, refits, learnt: Ok(learnt), judgement })
     }
+
+    /// The powers that experts need beside those that all batches have.
+    fn powers(&self) -> Vec<Power> {
+        let powers = self.experts.iter().flat_map(|expert| expert.powers()).copied();
+        let mut powers: Vec<_> = powers.filter(|power| !power.is_usual()).collect();
+        powers.sort_unstable();
+        powers.dedup();
+        powers
+    }
+
+    /// Asks all experts about views.
+    fn ask(&self, views: &[View]) -> Asked<'_> {
+        let mut asked = Asked { changes: vec![Vec::new(); views.len()], ..Asked::default() };
+        for expert in &self.experts {
+            let expert = &**expert;
+            let changes: Result<Vec<_>, _> =
+                views.iter().map(|view| change(expert, view)).collect();
+            let features = expert.adapts().map(|of| {
+                let of_view = |(group, view)| refit::features(of, view, group == GROUPS);
+                let of_views = views.iter().enumerate().map(of_view);
+                of_views.collect::<Result<Vec<_>, _>>().map(|of_views| (expert, of, of_views))
+            });
+            match changes.and_then(|changes| Ok((changes, features.transpose()?))) {
+                Ok((changes, features)) => {
+                    asked.experts.push(expert);
+                    let all = asked.changes.iter_mut().zip(changes);
+                    all.for_each(|(all, changes)| all.push(changes));
+                    asked.features.extend(features);
+                }
+                Err(error) => {
+                    asked.notes.push(format!("'{}' is left out: {error}", expert.name()));
+                }
+            }
+        }
+        asked
+    }
+}
+
+/// What experts say of views.
+#[derive(Default)]
+struct Asked<'a> {
+    /// Those that did not fail.
+    experts: Vec<&'a dyn Expert>,
+    /// What they change, `[view][expert][lane]`.
+    changes: Vec<Vec<Vec<f32>>>,
+    /// Of those that adapt, their features, `[view]`, `[lane][feature]`.
+    features: Vec<(&'a dyn Expert, &'a dyn Features, Vec<Vec<f32>>)>,
+    /// Why others failed.
+    notes: Vec<String>,
 }
 
 /// The means of the groups held out minus the plain estimates of the others, `[group][lane]`.
@@ -217,14 +273,15 @@ impl FittedGuard<'_> {
         status: &mut [Status],
         errors: &mut [f32],
     ) -> Result<(), Error> {
-        let Learnt { corrections, weights, errors: ratios, unit, counts } = learnt;
-        let mut view = View::new(&chunk.means, counts, GROUPS, Some(*unit));
+        let Learnt { corrections, weights, errors: ratios, unit, counts, .. } = learnt;
+        let mut view = View::new(&chunk.means, &chunk.further, counts, GROUPS, Some(*unit));
         view.mean.copy_from_slice(chunk.last);
         let of_experts = self.experts.iter().map(|expert| change(*expert, &view));
-        let of_experts = of_experts.collect::<Result<Vec<_>, _>>()?;
+        let half = |lane: usize| chunk.strip.half(chunk.first + lane);
+        let of_refits = self.refits.iter().map(|refit| refit.changes_of(&view, half));
+        let of_experts = of_experts.chain(of_refits).collect::<Result<Vec<_>, _>>()?;
         let finite = chunk.finite();
         let lanes = view.lanes();
-        let half = |lane: usize| chunk.strip.half(chunk.first + lane);
         let mut changes = corrections.changes(&lanes, half);
         changes.extend(of_experts);
         for (lane, value) in values.iter_mut().enumerate() {
@@ -248,6 +305,7 @@ struct Chunk<'a> {
     first: usize,
     last: &'a [f32],
     means: FoldMeans<'a>,
+    further: FurtherMeans<'a>,
 }
 
 impl Chunk<'_> {
@@ -284,6 +342,7 @@ impl Fitted for FittedGuard<'_> {
                 return Ok(());
             }
         };
+        let further = further_means(strip, &learnt.powers);
         let (values, status, errors) = out.reset_with_errors(strip.lanes());
         let chunks = values.par_chunks_mut(CHUNK).zip(status.par_chunks_mut(CHUNK));
         let chunks = chunks.zip(errors.par_chunks_mut(CHUNK));
@@ -291,7 +350,8 @@ impl Fitted for FittedGuard<'_> {
             let first = number * CHUNK;
             let range = first..first + values.len();
             let means = means.map(|folds| folds.map(|fold| &fold[range.clone()]));
-            let chunk = Chunk { strip, first, last: &strip.last()[range], means };
+            let further = part_of(&further, &range);
+            let chunk = Chunk { strip, first, last: &strip.last()[range], means, further };
             self.estimate(learnt, &chunk, values, status, errors)
         });
         if estimated.is_err() {

@@ -3,6 +3,7 @@
 mod batch;
 mod grid;
 mod keep;
+mod power;
 mod side;
 mod strips;
 mod sums;
@@ -10,6 +11,7 @@ mod sums;
 pub use batch::SequenceBatch;
 pub use grid::Grid;
 pub use keep::Keep;
+pub use power::{Power, PowerSums};
 pub use side::{Extent, Merging, Side};
 pub(crate) use strips::sum_in_order;
 pub use strips::{LANES_PER_BLOCK, Strips, Whole};

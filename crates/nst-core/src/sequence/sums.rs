@@ -76,7 +76,7 @@ impl LaneSums {
             Side::Variance => {
                 out.iter_mut().zip(lanes).for_each(|(out, lane)| *out = lane.variance(n));
             }
-            Side::Skipped | Side::Other(_) => {}
+            Side::PowerMean(..) | Side::Skipped | Side::Other(_) => {}
         }
     }
 }

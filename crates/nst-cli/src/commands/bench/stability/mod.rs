@@ -7,7 +7,12 @@ mod simulate;
 
 use std::{fmt, io::Write, time::Instant};
 
-use nst_core::{Estimates, SequenceBatch, Status, methods::METHODS, random::SplitMix64};
+use nst_core::{
+    Estimates, SampleMlp, SampleNetwork, SequenceBatch, Status,
+    guard::{Expert, Guard},
+    methods::METHODS,
+    random::SplitMix64,
+};
 use nst_files::output::{Kind, Name, OutputFile, Outputs, commit};
 use serde::{Serialize, Serializer};
 
@@ -139,6 +144,24 @@ fn write_csv(output: &mut OutputFile, rows: &[Row]) -> Result<(), csv::Error> {
 /// One built-in network trained on a scene, and one on integrals.
 const NETWORKS: [&str; 2] = ["cornell", "families"];
 
+/// The guard over the networks that see samples.
+const GUARDED: &str = "guard-samples";
+
+/// The one of them whose last layer is fitted again to each batch.
+const REFITTED: &str = "families-samples";
+
+fn guarded() -> Result<Method, Error> {
+    let expert = |name: &'static str| -> Result<Box<dyn Expert>, Error> {
+        let network = SampleNetwork::builtin(name);
+        let network = network.unwrap_or_else(|| unreachable!("it is one of the list"))?;
+        let mlp = SampleMlp::new(name, network);
+        Ok(Box::new(if name == REFITTED { mlp.with_refit() } else { mlp }))
+    };
+    let experts = SampleNetwork::builtins().map(expert).collect::<Result<_, _>>()?;
+    let none = Method::named(TransformArg::None, BackendArg::Cpu)?;
+    Ok(Method { name: GUARDED.to_owned(), transform: Box::new(Guard::new(experts)?), ..none })
+}
+
 fn rows(effort: &Effort) -> Result<Vec<Row>, Error> {
     let networks = NETWORKS.iter().map(|&name| TransformArg::Builtin(name));
     let methods = METHODS.iter().filter_map(|(name, _)| TransformArg::named(name));
@@ -147,6 +170,7 @@ fn rows(effort: &Effort) -> Result<Vec<Row>, Error> {
         .chain(methods)
         .chain(networks)
         .map(|transform| Method::named(transform, BackendArg::Cpu))
+        .chain([guarded()])
         .collect::<Result<Vec<_>, _>>()?;
 
     let sample = cost_sample(effort.cost_lanes);
@@ -265,7 +289,7 @@ mod tests {
     #[test]
     fn no_result_is_not_finite_without_need() {
         let rows = short();
-        assert_eq!(rows.len(), REGIMES.len() * 2 * (1 + METHODS.len() + NETWORKS.len()));
+        assert_eq!(rows.len(), REGIMES.len() * 2 * (2 + METHODS.len() + NETWORKS.len()));
         assert!(rows.iter().all(|row| row.nonfinite == 0));
         assert!(rows.iter().filter(|row| row.method == "none").all(|row| row.mse_ratio == 1.0));
         let names: std::collections::BTreeSet<_> = REGIMES.iter().map(|r| r.name).collect();
