@@ -98,18 +98,14 @@ def transform() -> str:
         return statistics.median(float(row[key]) for row in rows if row["asked"] == asked)
 
     without = median("none", "wall_seconds")
+    shown = [("none", "wall_seconds", "`--transform none`, the whole process")]
+    for asked in sorted({row["asked"] for row in rows} - {"none"}):
+        shown.append((asked, "wall_seconds", f"`--transform {asked}`, the whole process"))
+        shown.append((asked, "transform_seconds", "of it, the transformation"))
     lines = []
-    asked = sorted({row["asked"] for row in rows} - {"none"})
-    for name, key, what in [("none", "wall_seconds", "`--transform none`, the whole process")] + [
-        (name, key, what)
-        for name in asked
-        for key, what in (
-            ("wall_seconds", f"`--transform {name}`, the whole process"),
-            ("transform_seconds", "of it, the transformation"),
-        )
-    ]:
-        share = 100 * median(name, key) / without
-        lines.append([what, f"{median(name, key):.3f}", f"{share:.1f}"])
+    for asked, key, what in shown:
+        share = 100 * median(asked, key) / without
+        lines.append([what, f"{median(asked, key):.3f}", f"{share:.1f}"])
     return table(["`nst render`, Cornell box, 64 spp", "seconds", "%"], lines)
 
 

@@ -1,5 +1,6 @@
 """OpenImageIO, OpenEXR and its tools read every kind of file that nst writes: names, types, each bit."""
 
+import json
 import subprocess
 from pathlib import Path
 
@@ -41,7 +42,8 @@ def read_by_all(path: Path) -> tuple[Channels, dict[str, object]]:
         assert f"    {name}, {type_name}, sampling 1 1\n" in listed, name
     for name, value in header.items():
         if name.startswith("nst."):
-            assert f'{name} (type string): "{value}"' in listed, name
+            shown = f'string): "{value}"' if isinstance(value, str) else "float): "
+            assert f"{name} (type {shown}" in listed, name
     assert str(header["software"]).startswith("nst ")
     assert (spec.x, spec.y, spec.width, spec.height) == (0, 0, WIDTH, HEIGHT)
     return channels, header
@@ -77,6 +79,16 @@ def test_pictures(nst: Nst, tmp_path: Path) -> None:
     runs, _ = read_dataset(tmp_path / "x.safetensors")
     assert same_bits(lanes(channels, "S"), runs[0, -1])
     assert same_bits(lanes(channels), runs[0, -1])
+
+
+def test_what_the_guard_says(nst: Nst, tmp_path: Path) -> None:
+    said = json.loads(nst(*RENDER[:-1], "--json", "-o", "x.exr"))
+    channels, header = read_by_all(tmp_path / "x.exr")
+    assert np.count_nonzero(lanes(channels, "StdError")) > 0
+    experts = ", ".join(f"{it['name']} {it['weight']:.4f}" for it in said["experts"])
+    assert header["nst.expert"] == experts != ""
+    for name in ("Ratio", "Low", "High"):
+        assert header[f"nst.predicted{name}"] == np.float32(said[f"predicted_{name.lower()}"])
 
 
 @pytest.mark.parametrize("keep", ["window", "pow2", "all"])

@@ -18,6 +18,7 @@ from nst_train.errors import UserError
 from nst_train.families import FAMILIES
 from nst_train.losses import LOSSES
 from nst_train.power_means import PowerMeans
+from nst_train.random_scenes.branches import BRANCHES
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,25 @@ class RendersData:
 
 
 @dataclass(frozen=True)
+class RandomScenesData:
+    """Pictures of random scenes, and the 1D families beside them."""
+
+    kind: str
+    branches: list[str]  # of `random_scenes`, trained on
+    scenes: int  # of each
+    held_out: list[str]  # other branches, scored on
+    held_out_scenes: int
+    families: list[str]
+    family_share: float  # of the batches
+    size: list[int]  # width, height
+    runs: int  # pictures of `terms` samples in each scene
+    terms: int  # samples per pixel: a power of two
+    reference_spp: int  # of each of the two halves
+    first_seed: int  # of scenes, and of their renders
+    batches: int  # per epoch
+
+
+@dataclass(frozen=True)
 class Config:
     """One training run: an experiment in one of its settings."""
 
@@ -71,7 +91,7 @@ class Config:
     batch_size: int  # integrands per batch
     learning_rate: float
     terms_per_step: int  # how many n of window..terms are drawn for each batch; 0 = all
-    data: FamiliesData | RendersData
+    data: FamiliesData | RendersData | RandomScenesData
     samples: PowerMeans | None  # the table [samples], for inputs = "samples"
     setting: str  # one of SETTINGS
     text: str  # the file itself
@@ -83,7 +103,14 @@ INPUTS = ("raw", "whitened", "samples")
 STARTS = ("random", "input")
 PIXELS = ("box", "center")
 GIVEN = ("setting", "text")  # fields of Config that are no keys
-DATA_KINDS = {"families": FamiliesData, "fresh-families": FreshFamiliesData, "renders": RendersData}
+DATA_KINDS = {
+    "families": FamiliesData,
+    "fresh-families": FreshFamiliesData,
+    "renders": RendersData,
+    "random-scenes": RandomScenesData,
+}
+SEEN = (FreshFamiliesData, RandomScenesData)
+"""Data whose samples a network can see."""
 
 
 def load(path: Path, setting: str = "paper") -> Config:
@@ -202,28 +229,50 @@ def _check_ranges(config: Config) -> None:
     require(0 <= config.terms_per_step <= points, "terms_per_step", f"0 (all) to {points}")
 
     _check_samples(config, require)
-    if isinstance(data, FamiliesData):
+    if isinstance(data, FamiliesData | RandomScenesData):
         known = bool(data.families) and set(data.families) <= set(FAMILIES)
         require(known, "data.families", f"a list of {', '.join(FAMILIES)}")
         require(len(set(data.families)) == len(data.families), "data.families", "without repeats")
-    else:
+    if isinstance(data, RandomScenesData):
+        _check_random_scenes(data, require)
+    if isinstance(data, RendersData | RandomScenesData):
         require(len(data.size) == 2 and min(data.size) >= 1, "data.size", "[width, height]")
+        require(data.first_seed >= 0, "data.first_seed", "0 or more")
+    if isinstance(data, RendersData):
         require(data.evaluation_runs >= 1, "data.evaluation_runs", "1 or more")
         require(data.reference_spp > data.terms, "data.reference_spp", f"more than {data.terms}")
-        require(data.first_seed >= 0, "data.first_seed", "0 or more")
         require(data.sampler in SAMPLERS, "data.sampler", f"one of {', '.join(SAMPLERS)}")
         require(data.pixel in PIXELS, "data.pixel", f"one of {', '.join(PIXELS)}")
         require(data.max_depth >= 1, "data.max_depth", "1 or more")
 
 
-def _check_samples(config: Config, require: Callable[[bool, str, str], None]) -> None:
+Require = Callable[[bool, str, str], None]
+
+
+def _check_random_scenes(data: RandomScenesData, require: Require) -> None:
+    """Branches that are there, none of them both trained on and held out."""
+    for key in ("branches", "held_out"):
+        names = getattr(data, key)
+        known = bool(names) and set(names) <= set(BRANCHES) and len(set(names)) == len(names)
+        require(known, f"data.{key}", f"a list, without repeats, of {', '.join(BRANCHES)}")
+    require(not set(data.branches) & set(data.held_out), "data.held_out", "none of data.branches")
+    for key in ("scenes", "held_out_scenes", "reference_spp"):
+        require(getattr(data, key) >= 1, f"data.{key}", "1 or more")
+    power = data.terms >= 16 and data.terms & (data.terms - 1) == 0
+    require(power, "data.terms", "a power of two, 16 or more")
+    require(0 <= data.family_share < 1, "data.family_share", "0 or more, below 1")
+
+
+def _check_samples(config: Config, require: Require) -> None:
     """What belongs to networks that see the samples, and to no others."""
-    form, fresh = config.samples, isinstance(config.data, FreshFamiliesData)
+    form, seen = config.samples, isinstance(config.data, SEEN)
     if (config.inputs == "samples") != (form is not None):
         raise UserError('inputs = "samples" and a table [samples] need each other')
-    if (config.inputs == "samples") != fresh:
-        raise UserError('inputs = "samples" and data.kind = "fresh-families" need each other')
-    if form is None or not fresh:
+    if (config.inputs == "samples") != seen:
+        raise UserError(
+            'inputs = "samples" and data.kind = "fresh-families" or "random-scenes" need each other'
+        )
+    if form is None or not isinstance(config.data, SEEN):
         return
     require(config.loss in ("L0", "L1"), "loss", "L0 or L1: of one run, only means of squares say anything")
     require(config.terms_per_step >= 1, "terms_per_step", "1 or more")

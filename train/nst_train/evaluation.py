@@ -2,7 +2,7 @@
 
 import csv
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
@@ -10,9 +10,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from nst_train import analytic, bayes, families
+from nst_train import analytic, bayes, families, scene_evaluation
 from nst_train.config import Config, FamiliesData
 from nst_train.model import Mlp, SampleMlp
+from nst_train.scene_renders import SceneData, counts
 from nst_train.sequences import Data, Sequences
 
 REPORTED_N = (8, 16, 32, 64)
@@ -43,8 +44,10 @@ COLUMNS = [field.name for field in fields(Score)]
 HISTORY_COLUMNS = ["epoch", "loss", "seconds"]
 
 
-def evaluate(config: Config, model: Mlp, data: Data) -> list[Score]:
+def evaluate(config: Config, model: Mlp, data: Data | SceneData) -> list[Score]:
     """All scores of a trained network, and of the methods that it is compared with."""
+    if isinstance(data, SceneData):
+        return network_scores(config, model, data, every_n(config, data))
     scores = network_scores(config, model, data, every_n(config, data))
     constant = data.training.reference.double().mean().numpy()
     for name, held_out in data.held_out.items():
@@ -65,13 +68,17 @@ def evaluate(config: Config, model: Mlp, data: Data) -> list[Score]:
     return scores
 
 
-def every_n(config: Config, data: Data) -> range:
-    """All n at which the network has its window."""
+def every_n(config: Config, data: Data | SceneData) -> Sequence[int]:
+    """All n at which the network has its window, or the scenes have pictures."""
+    if isinstance(data, SceneData):
+        return counts(config.data.terms)
     return range(config.window, data.training.estimates.shape[-1] + 1)
 
 
-def network_scores(config: Config, model: Mlp, data: Data, ns: Iterable[int]) -> list[Score]:
+def network_scores(config: Config, model: Mlp, data: Data | SceneData, ns: Iterable[int]) -> list[Score]:
     """S and T alone."""
+    if isinstance(data, SceneData):
+        return scene_scores(config, model, data, ns)
     scores = []
     for name, held_out in data.held_out.items():
         reference = held_out.reference.double().numpy()
@@ -81,6 +88,18 @@ def network_scores(config: Config, model: Mlp, data: Data, ns: Iterable[int]) ->
             for method, error in (("S", s), ("T", t)):
                 scores.append(Score(config.name, name, method, n, *error, error[0] / s[0]))
     return scores
+
+
+def scene_scores(config: Config, model: Mlp, data: SceneData, ns: Iterable[int]) -> list[Score]:
+    """S and T on held-out branches: see `scene_evaluation`."""
+    assert isinstance(model, SampleMlp)
+    scores = []
+    for n in ns:
+        for name, methods in scene_evaluation.branch_errors(model, data.held_out, n).items():
+            for method, (mse, bias2) in methods.items():
+                ratio = mse / methods["S"][0]
+                scores.append(Score(config.name, name, method, n, mse, bias2, mse - bias2, ratio))
+    return sorted(scores, key=lambda score: (score.data, score.n, score.method))
 
 
 def run_errors(model: Mlp, sequences: Sequences, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -122,7 +141,7 @@ def errors(estimates: np.ndarray, reference: np.ndarray) -> tuple[float, float, 
     return float(mse), float(bias2), float(mse - bias2)
 
 
-def bayes_limits(config: Config, name: str, ns: range) -> dict[int, np.ndarray]:
+def bayes_limits(config: Config, name: str, ns: Sequence[int]) -> dict[int, np.ndarray]:
     """The Bayes limit of each integrand and run, `[integrand, run]`, for the n of `BAYES_N`.
 
     For all families together it is that of an observer who knows which family a sequence is from.

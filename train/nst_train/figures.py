@@ -38,8 +38,15 @@ def collect(runs: Path, paper: Path) -> list[str]:
     for name in names:
         read_csv(runs / name / "metrics.csv", COLUMNS)
         shutil.copyfile(runs / name / "metrics.csv", paper / f"{name}.csv")
-    write_csv(paper / TRAINING, TRAINING_COLUMNS, [training_row(runs / name) for name in names])
+    rows = {row["name"]: list(row.values()) for row in known(paper / TRAINING)}
+    rows |= {name: training_row(runs / name) for name in names}
+    write_csv(paper / TRAINING, TRAINING_COLUMNS, [rows[name] for name in EXPERIMENTS if name in rows])
     return names
+
+
+def known(table: Path) -> list[dict[str, str]]:
+    """The rows of runs that were copied before."""
+    return read_csv(table, TRAINING_COLUMNS) if table.is_file() else []
 
 
 def training_row(run: Path) -> list[object]:

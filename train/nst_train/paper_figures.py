@@ -183,6 +183,10 @@ FIGURES: dict[str, Figure] = {
 }
 """By the name of the SVG and of the marker in docs/paper.md."""
 
+SAMPLES = tuple(f"{name}-samples" for name in (*FAMILIES, "families"))
+"""Networks that see the samples, which no figure of the paper shows."""
+
 EXPERIMENTS = tuple(
     dict.fromkeys(name for figure in FIGURES.values() for name in figure.needs if name != DENOISED)
 )
+EXPERIMENTS += SAMPLES

@@ -2,17 +2,18 @@
 
 Of the n samples y_i of a lane, in whatever order, sums are kept, from which come
 
-    m_p = mean of φ_p(y_i),   φ_p(y) = |y|^p,   but φ_1(y) = y,   and φ_0(y) = 1 where y ≠ 0, else 0
-    M_p = |m_p|^(1/p)  for p > 0
+    m_p = mean of φ_p(y_i),   φ_p(y) = |y|^p,   but φ_1(y) = y,   and φ_½(y) = ±√|y| with the sign of y
+    M_p = |m_p|^(1/p)
 
-m_1 is the plain estimate S. The *unit* u is the mean of |S| over all lanes of the batch. With a small
+m_1 is the plain estimate S. Powers are powers of two, so that roots and squares alone give φ_p and M_p, and
+so the same bits on every machine; ½, 1 and 2 are those whose means `nst` stores in every file. The *unit* u is the mean of |S| over all lanes of the batch. With a small
 number, `floor`, that stands for nothing,
 
     L_p = log(M_p/u + floor)
 
-For the powers p_1 < p_2 < … < p_K above 0 the network reads, in this order,
+For its powers p_1 < p_2 < … < p_K the network reads, in this order,
 
-    L_1,   L_{p_2} − L_{p_1},  …,  L_{p_K} − L_{p_{K−1}},   m_0 (if 0 is among the powers),   log k,   1/k
+    L_1,   L_{p_2} − L_{p_1},  …,  L_{p_K} − L_{p_{K−1}},   log k,   1/k
 
 with k = n, or the nearest n that it was trained on, as networks do not extrapolate well. Its output o,
 linear in its last hidden layer h, changes the plain estimate:
@@ -32,11 +33,15 @@ import torch
 from torch import Tensor
 
 
+POWERS = [2.0**exponent for exponent in range(-4, 5)]
+"""Those that a network may have. At the ends, 1/16 and 16, f64 has room for samples up to 10^19."""
+
+
 @dataclass(frozen=True)
 class PowerMeans:
     """Which power means, and how the output is scaled: equations above."""
 
-    powers: list[float]  # ascending, not negative, 1 among them
+    powers: list[float]  # of `POWERS`, ascending, 1 among them
     floor: float  # in units of u
     scale_estimate: float
     scale_unit: float
@@ -44,9 +49,8 @@ class PowerMeans:
     def mistake(self) -> tuple[str, str] | None:
         """The first field that does not fit, and what it must be."""
         ascending = all(a < b for a, b in pairwise(self.powers))
-        finite = all(0 <= p < math.inf for p in self.powers)
-        if not (ascending and finite and 1 in self.powers):
-            return "powers", "numbers of 0 or more, ascending, 1 among them"
+        if not (ascending and 1 in self.powers and set(self.powers) <= set(POWERS)):
+            return "powers", "powers of two from 1/16 to 16, ascending, 1 among them"
         if not 0 < self.floor < math.inf:
             return "floor", "a positive number"
         for key in ("scale_estimate", "scale_unit"):
@@ -57,28 +61,13 @@ class PowerMeans:
         return None
 
     @property
-    def positive(self) -> list[float]:
-        """The powers that have a mean M_p."""
-        return [p for p in self.powers if p > 0]
-
-    @property
     def width(self) -> int:
         """The number of inputs: one for each power, and two of n."""
         return len(self.powers) + 2
 
     def features(self, samples: Tensor) -> Tensor:
         """φ_p(y) of samples `[…]`, `[power, …]`."""
-        found: dict[float, Tensor] = {}
-        for p in self.powers:
-            if p == 0:
-                found[p] = (samples != 0).to(samples.dtype)
-            elif p == 1:
-                found[p] = samples
-            elif p / 2 in found:  # powers that double are cheap
-                found[p] = found[p / 2].square()
-            else:
-                found[p] = samples.abs().pow(p)
-        return torch.stack(list(found.values()))
+        return torch.stack([power(samples, p) for p in self.powers])
 
     def estimate(self, sums: Tensor, n: Tensor) -> Tensor:
         """S of sums `[power, …]`."""
@@ -92,15 +81,25 @@ class PowerMeans:
         n = n.to(sums.dtype)
         k = n.clamp(*trained)
         means = sums / n
-        index = self.powers.index
-        log = {p: (means[index(p)].abs().pow(1 / p) / unit + self.floor).log() for p in self.positive}
-        values = list(log.values())
-        columns = [log[1], *(b - a for a, b in pairwise(values))]
-        if 0 in self.powers:
-            columns.append(means[index(0)])
-        one = torch.ones_like(log[1])
+        of_power = [power(mean.abs(), 1 / p) for mean, p in zip(means, self.powers, strict=True)]
+        logs = [(mean / unit + self.floor).log() for mean in of_power]
+        first = logs[self.powers.index(1)]
+        columns = [first, *(b - a for a, b in pairwise(logs))]
+        one = torch.ones_like(first)
         return torch.stack([*columns, one * k.log(), one / k], dim=-1)
 
     def scale(self, estimate: Tensor, unit: Tensor) -> Tensor:
         """s, what an output of 1 adds to S."""
         return self.scale_estimate * estimate.abs() + self.scale_unit * unit
+
+
+def power(y: Tensor, p: float) -> Tensor:
+    """φ_p(y) for a p of `POWERS`, by roots and squares."""
+    if p == 1:
+        return y
+    if p == 0.5:
+        return y.abs().sqrt().copysign(y)
+    y = y.abs()
+    for _ in range(abs(round(math.log2(p)))):
+        y = y.square() if p > 1 else y.sqrt()
+    return y

@@ -23,7 +23,7 @@ from nst_train.renders import REPOSITORY
 WEIGHTS = REPOSITORY / "crates" / "nst-core" / "weights"
 PAGE = REPOSITORY / "weights" / "README.md"
 TABLE = "networks"
-NS = (8, 16, 32)
+NS = (8, 16, 32, 64)
 SETTING = re.compile(r"^# The (\w+) setting was used\.$", re.MULTILINE)
 
 

@@ -6,25 +6,28 @@ from nst_train import config as configs
 from nst_train import evaluation, weights
 from nst_train.evaluation import REPORTED_N, Score
 from nst_train.model import Mlp
+from nst_train.scene_renders import SceneData
 from nst_train.sequences import Data
 
 MOST_GAIN_LOST = 0.01
 """Weights are stored in f16 if that loses less than this part of the gain 1 − MSE(T)/MSE(S)."""
 
 
-def reported_n(config: configs.Config, data: Data) -> list[int]:
+def reported_n(config: configs.Config, data: Data | SceneData) -> list[int]:
     """The n of tables: 8, 16, 32, 64 where the network has them, and the last."""
     every = evaluation.every_n(config, data)
     return sorted({n for n in REPORTED_N if n in every} | {every[-1]})
 
 
-def finished(config: configs.Config, model: Mlp, data: Data) -> tuple[Mlp, torch.dtype, list[Score]]:
+def finished(
+    config: configs.Config, model: Mlp, data: Data | SceneData
+) -> tuple[Mlp, torch.dtype, list[Score]]:
     """The network as it is stored, and its scores."""
     stored, dtype = rounded(config, model, data)
     return stored, dtype, evaluation.evaluate(config, stored, data)
 
 
-def rounded(config: configs.Config, model: Mlp, data: Data) -> tuple[Mlp, torch.dtype]:
+def rounded(config: configs.Config, model: Mlp, data: Data | SceneData) -> tuple[Mlp, torch.dtype]:
     """The network as it is stored: its weights rounded to f16, if that costs little."""
     half = weights.rounded(model, torch.float16)
     ns = reported_n(config, data)
@@ -43,9 +46,10 @@ def loses_little(full: list[Score], half: list[Score]) -> bool:
     )
 
 
-def provenance(config: configs.Config, data: Data) -> weights.Provenance:
+def provenance(config: configs.Config, data: Data | SceneData) -> weights.Provenance:
     """The provenance of a network, for the metadata of its weights."""
-    rendered = isinstance(config.data, configs.RendersData)
+    random = isinstance(config.data, configs.RandomScenesData)
+    sampler = config.data.sampler if isinstance(config.data, configs.RendersData) else None
     return weights.Provenance(
         trained_on=data.trained_on,
         samples=f"{config.window}..{config.data.terms}",
@@ -53,7 +57,7 @@ def provenance(config: configs.Config, data: Data) -> weights.Provenance:
         epochs=config.epochs,
         seed=config.seed,
         config=f"{config.text}\n# The {config.setting} setting was used.\n",
-        sampler=config.data.sampler if rendered else None,
+        sampler="random" if random else sampler,
     )
 
 

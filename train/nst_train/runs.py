@@ -11,17 +11,20 @@ from pathlib import Path
 import torch
 from torch.utils.tensorboard import SummaryWriter
 
-from nst_train import checkpoint, evaluation, families, fresh, renders, results, weights
+from nst_train import checkpoint, evaluation, families, fresh, renders, results, scene_renders, weights
 from nst_train import config as configs
 from nst_train.errors import UserError
 from nst_train.evaluation import Score
 from nst_train.progress import Progress
 from nst_train.sample_training import SampleTraining
+from nst_train.scene_renders import SceneData
+from nst_train.scene_training import SceneTraining
 from nst_train.sequences import Data
 from nst_train.training import Descent, Training
 
 CHECKPOINT_SECONDS = 30.0
 """The least time between two checkpoints: what an interruption can cost."""
+RENDERED = (configs.RendersData, configs.RandomScenesData)
 REPORTS = 20
 """How many times in a run the held-out sequences are scored and a line is printed."""
 
@@ -30,12 +33,7 @@ def run(config: configs.Config, out: Path, device: str = "cpu") -> list[Score]:
     """Trains, or continues training, and writes weights and scores to `out`."""
     claim(out, config)
     data = load_data(config, out)
-    count, runs, terms = data.training.estimates.shape
-    print(
-        f"{config.name}, {config.setting} setting, on {device}: {count} integrands, {runs} runs, "
-        f"{terms} terms",
-        flush=True,
-    )
+    print(f"{config.name}, {config.setting} setting, on {device}: {size_of(data)}", flush=True)
     training = make_training(config, data, device)
     seconds_at = checkpoint.resume(out, training, data.trained_on)
     write_description(out, config, data, device)
@@ -48,6 +46,14 @@ def run(config: configs.Config, out: Path, device: str = "cpu") -> list[Score]:
     weights.save(path, model, results.provenance(config, data), dtype)
     print(f"wrote {path} ({str(dtype).removeprefix('torch.')}), {seconds_at[-1]:.0f} s of training")
     return scores
+
+
+def size_of(data: Data | SceneData) -> str:
+    """How much there is to train on, in words."""
+    if isinstance(data, SceneData):
+        return f"{len(data.training)} scenes, {len(data.held_out)} held out"
+    count, runs, terms = data.training.estimates.shape
+    return f"{count} integrands, {runs} runs, {terms} terms"
 
 
 def claim(out: Path, config: configs.Config) -> None:
@@ -63,8 +69,10 @@ def claim(out: Path, config: configs.Config) -> None:
         path.write_text(text, encoding="utf-8")
 
 
-def load_data(config: configs.Config, out: Path) -> Data:
-    """Rendered runs are kept in `out` and used again."""
+def load_data(config: configs.Config, out: Path) -> Data | SceneData:
+    """Rendered runs are kept in `out` and used again; of random scenes beside it, for other runs, too."""
+    if isinstance(config.data, configs.RandomScenesData):
+        return scene_renders.make_data(config.data, config.samples, out.parent / "random-scenes")
     if isinstance(config.data, configs.FreshFamiliesData):
         return fresh.make_data(config.data.families, config.data.runs, config.data.terms, config.seed)
     if isinstance(config.data, configs.FamiliesData):
@@ -72,8 +80,10 @@ def load_data(config: configs.Config, out: Path) -> Data:
     return renders.make_data(config.data, cache=out / "renders")
 
 
-def make_training(config: configs.Config, data: Data, device: str) -> Descent:
+def make_training(config: configs.Config, data: Data | SceneData, device: str) -> Descent:
     """Training that has not begun."""
+    if isinstance(data, SceneData):
+        return SceneTraining(config, data, device)
     if config.samples is not None:
         return SampleTraining(config, data, device)
     return Training(config, data.training, device)
@@ -82,7 +92,7 @@ def make_training(config: configs.Config, data: Data, device: str) -> Descent:
 def train(
     out: Path,
     training: Descent,
-    data: Data,
+    data: Data | SceneData,
     seconds_at: list[float],
     clock: Callable[[], float] = time.perf_counter,
 ) -> None:
@@ -115,12 +125,12 @@ def train(
     log.close()
 
 
-def write_description(out: Path, config: configs.Config, data: Data, device: str) -> None:
+def write_description(out: Path, config: configs.Config, data: Data | SceneData, device: str) -> None:
     """versions.json: the versions of programs, and the device."""
     known = {
         "trained_on": data.trained_on,
         "setting": config.setting,
-        "nst": nst_version() if isinstance(config.data, configs.RendersData) else None,
+        "nst": nst_version() if isinstance(config.data, RENDERED) else None,
         "torch": torch.__version__,
         "numpy": importlib.metadata.version("numpy"),
         "python": platform.python_version(),

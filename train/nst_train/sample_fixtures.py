@@ -29,13 +29,13 @@ LEFT_OUT = 1  # the fold that the second output does not see
 
 NETWORKS: dict[str, tuple[PowerMeans, list[int], tuple[int, int], int]] = {
     "samples-integrals": (
-        PowerMeans([0.0, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0], 1e-3, 0.0, 1.0),
+        PowerMeans([0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0], 1e-3, 0.0, 1.0),
         [32, 32, 32],
         (4, 64),
         32,
     ),
     "samples-pixels": (PowerMeans([0.5, 1.0, 2.0], 1e-2, 1.0, 1e-2), [17, 5], (4, 1024), 13),
-    "samples-few": (PowerMeans([1.0, 1.5], 1e-3, 0.0, 1.0), [64], (16, 64), 8),
+    "samples-few": (PowerMeans([1.0, 2.0], 1e-3, 0.0, 1.0), [64], (16, 64), 8),
     "samples-many": (PowerMeans([0.5, 1.0], 1e-3, 0.0, 1.0), [24, 8], (4, 16), 40),
 }
 """By name: the form of the inputs, hidden widths, the n that it is said to be trained on, and n."""

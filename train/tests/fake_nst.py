@@ -27,7 +27,7 @@ if __name__ == "__main__":
     parser.add_argument("--size", required=True)
     parser.add_argument("--seed", required=True, type=int)
     parser.add_argument("--sampler", required=True, choices=["random", "halton"])
-    parser.add_argument("--max-depth", required=True, type=int)
+    parser.add_argument("--max-depth", default=8, type=int)
     parser.add_argument("--pixel", required=True, choices=["box", "center"])
     parser.add_argument("--keep", default="all", choices=["all", "window"])
     parser.add_argument("-o", required=True, type=Path)

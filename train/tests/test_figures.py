@@ -62,6 +62,21 @@ def page(tmp_path: Path) -> Path:
     return page
 
 
+def test_other_runs_keep_their_training_times(runs_folder: Path, tmp_path: Path) -> None:
+    paper = tmp_path / "paper"
+    figures.collect(runs_folder, paper)
+    before = (paper / figures.TRAINING).read_text()
+    for run in runs_folder.iterdir():
+        if run.name != "step":
+            shutil.rmtree(run)
+    history = [(1, 0.5, 33.0)]
+    evaluation.write_csv(runs_folder / "step" / "history.csv", evaluation.HISTORY_COLUMNS, history)
+    assert figures.collect(runs_folder, paper) == ["step"]
+    after = (paper / figures.TRAINING).read_text()
+    assert after == before.replace("step,small,x86_64,1,2,21", "step,small,x86_64,1,1,33")
+    assert after.count("\n") == 6
+
+
 def test_one_command_draws_what_there_are_numbers_for(
     runs_folder: Path, page: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -19,7 +19,7 @@ from nst_train.sample_training import SampleTraining, draw_counts
 from nst_train.sequences import Sequences
 from test_weights import PROVENANCE
 
-FORM = PowerMeans([0.0, 0.125, 0.25, 0.5, 1.0, 2.0, 3.0], floor=0.01, scale_estimate=0.5, scale_unit=2.0)
+FORM = PowerMeans([0.125, 0.25, 0.5, 1.0, 2.0, 4.0], floor=0.01, scale_estimate=0.5, scale_unit=2.0)
 TINY = """\
 name = "tiny"
 seed = 1
@@ -67,11 +67,11 @@ def transform(model: SampleMlp, samples: torch.Tensor, unit: torch.Tensor | None
 
 def test_inputs_are_those_of_the_definition() -> None:
     """Samples 1, −4, 0 and u = 2, by hand."""
-    form = PowerMeans([0.0, 0.5, 1.0, 2.0], floor=0.1, scale_estimate=0.5, scale_unit=3.0)
-    sums = form.features(torch.tensor([1.0, -4.0, 0.0], dtype=torch.float64)).sum(dim=-1)
-    assert sums.tolist() == [2.0, 3.0, -3.0, 17.0]
-    logs = [math.log(m / 2.0 + 0.1) for m in (1.0, 1.0, math.sqrt(17 / 3))]
-    expected = [logs[1], logs[1] - logs[0], logs[2] - logs[1], 2 / 3, math.log(3), 1 / 3]
+    form = PowerMeans([0.25, 0.5, 1.0, 2.0], floor=0.1, scale_estimate=0.5, scale_unit=3.0)
+    sums = form.features(torch.tensor([1.0, -16.0, 0.0], dtype=torch.float64)).sum(dim=-1)
+    assert sums.tolist() == [3.0, -3.0, -15.0, 257.0]
+    logs = [math.log(m / 2.0 + 0.1) for m in (1.0, 1.0, 5.0, math.sqrt(257 / 3))]
+    expected = [logs[2], logs[1] - logs[0], logs[2] - logs[1], logs[3] - logs[2], math.log(3), 1 / 3]
     n, unit = torch.tensor(3.0), torch.tensor(2.0)
     assert form.inputs(sums, n, unit, (1, 64)).tolist() == pytest.approx(expected, rel=1e-12)
     assert len(expected) == form.width
@@ -82,18 +82,18 @@ def test_inputs_are_those_of_the_definition() -> None:
 
     model = SampleMlp(form, [4], (1, 64))
     model.start_from_input()
-    assert model.transform(sums, n, unit) == -1.0
+    assert model.transform(sums, n, unit) == -5.0
     with torch.no_grad():
         model.layers[-1].bias.fill_(0.25)
-    assert model.transform(sums, n, unit).item() == -1.0 + 0.25 * (0.5 * 1.0 + 3.0 * 2.0)
+    assert model.transform(sums, n, unit).item() == -5.0 + 0.25 * (0.5 * 5.0 + 3.0 * 2.0)
 
 
 def test_powers_are_powers() -> None:
     samples = random_lanes(5, 7) * torch.tensor([1, -1, 0, 1, -1, 1, 1])
     found = dict(zip(FORM.powers, FORM.features(samples), strict=True))
     assert torch.equal(found[1.0], samples)
-    assert torch.equal(found[0.0], (samples != 0).double())
-    for p in (0.125, 0.25, 0.5, 2.0, 3.0):
+    torch.testing.assert_close(found[0.5], samples.sign() * samples.abs() ** 0.5, rtol=1e-14, atol=0.0)
+    for p in (0.125, 0.25, 2.0, 4.0):
         torch.testing.assert_close(found[p], samples.abs() ** p, rtol=1e-14, atol=0.0)
 
 
@@ -196,7 +196,7 @@ def test_round_trip(tmp_path: Path) -> None:
     assert (loaded.form, loaded.trained) == (FORM, (8, 64))
     of_inputs = {
         "inputs": "samples",
-        "powers": "0,0.125,0.25,0.5,1,2,3",
+        "powers": "0.125,0.25,0.5,1,2,4",
         "floor": "0.01",
         "scale_estimate": "0.5",
         "scale_unit": "2.0",
@@ -206,7 +206,7 @@ def test_round_trip(tmp_path: Path) -> None:
     assert torch.equal(transform(loaded, samples), transform(model, samples))
 
     tensors, _ = weights.load_tensors(path)
-    damages = [("powers", "0.5,1"), ("powers", "x"), ("powers", "0,2,0.5,1,3,4,5"), ("floor", "nan")]
+    damages = [("powers", "0.5,1"), ("powers", "x"), ("powers", "0.125,2,0.5,1,4,8"), ("powers", "0.125,0.25,0.5,1,2,3"), ("floor", "nan")]
     for key, value in [*damages, ("scale_unit", "-1"), ("samples", "64..8"), ("samples", "8")]:
         weights.save_tensors(path, tensors, metadata | {key: value})
         with pytest.raises(UserError, match="do not fit"):
@@ -240,9 +240,9 @@ def test_an_interrupted_run_ends_with_the_same_weights(
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
-        ("powers = [0.5, 1, 2]", "powers = [0.5, 2]", "samples.powers = [0.5, 2]: must be numbers"),
+        ("powers = [0.5, 1, 2]", "powers = [0.5, 2]", "samples.powers = [0.5, 2]: must be powers"),
         ("powers = [0.5, 1, 2]", "powers = [2, 1]", "samples.powers"),
-        ("powers = [0.5, 1, 2]", "powers = [-1, 1]", "samples.powers"),
+        ("powers = [0.5, 1, 2]", "powers = [0, 1]", "samples.powers"),
         ("floor = 1e-3", "floor = 0", "samples.floor"),
         ("scale_unit = 1", "scale_unit = 0", "samples.scale_unit"),
         ("scale_unit = 1", "scale = 1", "unknown key 'samples.scale'"),

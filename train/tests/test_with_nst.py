@@ -8,9 +8,11 @@ import OpenEXR
 import pytest
 import torch
 
-from nst_train import renders, training, weights
-from nst_train.config import RendersData
+from nst_train import random_scenes, renders, scene_renders, training, weights
+from nst_train.config import RandomScenesData, RendersData
 from nst_train.config import load as load_config
+from nst_train.power_means import PowerMeans
+from nst_train.random_scenes import BRANCHES
 
 SCENE = "scenes/cornell/cornell.obj"
 CONFIG = Path(__file__).resolve().parents[1] / "configs" / "cornell.toml"
@@ -78,6 +80,29 @@ def test_samplers_depths_and_filters_are_different_data(tmp_path: Path) -> None:
 def test_grey_scenes_have_one_channel(tmp_path: Path) -> None:
     plane = dataset(scene="scenes/plane-lambert/plane-lambert.obj", max_depth=2)
     assert renders.load(plane, tmp_path).estimates.shape == (12 * 10, 3, 10)
+
+
+@pytest.mark.parametrize("branch", BRANCHES)
+def test_random_scenes_are_rendered_without_faults(tmp_path: Path, branch: str) -> None:
+    """`--strict` refuses what a note would forgive; and sums are those of the samples of the picture."""
+    scene = random_scenes.random_scene(branch, 0, seed=1)
+    path = random_scenes.write(scene, tmp_path)
+    options = ("--size", "8x6", "--spp", 16, "--seed", SEED, "--transform", "none", "--strict")
+    nst("render", "--scene", path, *options, "-o", tmp_path / "picture.exr")
+    picture = torch.from_numpy(read_picture(tmp_path / "picture.exr"))
+
+    form = PowerMeans([0.5, 1.0, 2.0], floor=0.01, scale_estimate=1.0, scale_unit=0.01)
+    asked = {"branches": [branch], "scenes": 1, "held_out": [], "held_out_scenes": 0, "families": []}
+    rest = {"size": [8, 6], "runs": 1, "terms": 16, "reference_spp": 64, "first_seed": SEED}
+    data = RandomScenesData("random-scenes", **asked, **rest, family_share=0.0, batches=1)
+    arrays = scene_renders.render(scene, data, form)
+    means = torch.from_numpy(arrays["16"][0]).sum(dim=0) / 16  # [power, lane]
+    # Pictures in EXR are f32, or f16 for colours: 1/2048.
+    torch.testing.assert_close(means[1], picture.float(), rtol=1e-3, atol=1e-6)
+    assert (means[1] > 0).float().mean() > 0.1
+    reference = arrays["reference"].mean(axis=0)
+    assert reference.mean() == pytest.approx(means[1].mean().item(), rel=0.8)
+    assert (reference > 1e-3 * reference.mean()).mean() > 0.3
 
 
 def read_picture(path: Path) -> np.ndarray:

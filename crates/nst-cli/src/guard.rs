@@ -17,8 +17,8 @@ use crate::{
 const NESTED: &str = "halton";
 
 /// Why the plain estimates stay then.
-const NESTED_FOLDS: &str = "the samples of --sampler halton depend on each other, so nothing can \
-                            be held out; those of --sampler halton-folds can";
+const NESTED_FOLDS: &str = "the folds of --sampler halton depend on each other, so that none can be \
+                            held out; those of --sampler halton-folds do not";
 
 /// The guard over the experts of a list, which are its own if the list is empty, for samples of
 /// this sampler.

@@ -59,7 +59,7 @@ struct Expert {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Outcome {
     /// What the method says of its own gain, if it measures it.
-    judgement: Option<Judgement>,
+    pub(crate) judgement: Option<Judgement>,
     lanes: usize,
     skipped: usize,
     fallen_back: usize,
@@ -68,11 +68,6 @@ pub(crate) struct Outcome {
 impl Outcome {
     pub(crate) fn new(judgement: Option<Judgement>) -> Self {
         Self { judgement, ..Self::default() }
-    }
-
-    /// The same lanes, and what the method says of its gain.
-    pub(crate) fn with(self, judgement: Option<Judgement>) -> Self {
-        Self { judgement, ..self }
     }
 
     pub(crate) fn add(&mut self, estimates: &Estimates) {

@@ -391,7 +391,12 @@ fn comparisons() {
     fails(&bench, "compare text.exr r1.exr", 1, &["text.exr", "EXR"]);
     fails(&bench, "compare r1.exr r2.exr", 1, &["r1.exr", "8x8", "r2.exr", "8x9"]);
     fails(&bench, "compare r1.exr mono.exr", 1, &["R, G, B", "mono.exr", "of Y"]);
-    fails(&bench, "compare r1.exr r1.exr --layer T", 1, &["r1.exr", "'T'", "S, Variance"]);
+    fails(
+        &bench,
+        "compare r1.exr r1.exr --layer T",
+        1,
+        &["r1.exr", "'T'", "S, StdError, Variance"],
+    );
     fails(&bench, "compare r1.exr r1.exr --error-map map.jpg", 2, &["--error-map", ".png"]);
     fails(&bench, "compare r1.exr r1.exr --error-map gone/map.png", 1, &["gone/map.png"]);
     fails(&bench, "compare r1.exr r2.exr --error-map r1.png", 1, &["8x9"]);
@@ -459,7 +464,7 @@ fn packs() {
         ("r1.exr --as estimates --spp 1", 2, &["--spp", "--as samples"]),
         ("r1.exr r2.exr --as estimates --spp-list 1", 2, &["1 number for 2 files"]),
         ("r1.exr r2.exr --as estimates --spp-list 4,4", 1, &["r1.exr", "r2.exr", "both have 4"]),
-        ("r1.exr --as estimates --layer T", 1, &["r1.exr", "'T'", "S, Variance"]),
+        ("r1.exr --as estimates --layer T", 1, &["r1.exr", "'T'", "S, StdError, Variance"]),
         ("s1.exr s2.exr --as estimates", 1, &["s1.exr", "s2.exr", "both have 8"]),
         ("s1.exr s5.exr --as samples", 1, &["s1.exr", "s5.exr", "8", "9"]),
         ("r1.exr r4.exr --as samples --spp 8", 1, &["r4.exr", "8x9", "r1.exr", "8x8"]),

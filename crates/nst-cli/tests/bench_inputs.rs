@@ -272,7 +272,7 @@ fn a_bench_of_the_guard() {
     let args = format!("bench scene --scene {} --size 40x30 --spp 8 9 --runs 2", cornell());
     let halton = format!("{args} --transform auto --sampler halton -o h.csv");
     let said = succeed(&bench, &halton);
-    let note = "note       'auto' kept the plain estimates at 8, 9 spp: the samples of --sampler \
+    let note = "note       'auto' kept the plain estimates at 8, 9 spp: the folds of --sampler \
                 halton depend on each other";
     assert!(said.contains(note), "{said}");
     let cell = |table: &Table, method: &str, column: &str| {

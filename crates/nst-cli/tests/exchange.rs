@@ -100,6 +100,14 @@ fn info_knows_each_kind_of_file() {
     assert_eq!(dataset["sample_counts"], Value::from(vec![1, 2, 3]));
     let weights = info("w.safetensors");
     assert_eq!((&weights["kind"], &weights["window"]), (&"weights".into(), &8.into()));
+    let of_samples =
+        include_bytes!("../../../tests/data/sample-fixtures/samples-pixels.safetensors");
+    bench.write("w-samples.safetensors", of_samples);
+    let weights = info("w-samples.safetensors");
+    assert_eq!((&weights["kind"], &weights["window"]), (&"weights".into(), &Value::Null));
+    assert_eq!(weights["powers"], Value::from(vec![0.5, 1.0, 2.0]));
+    let said = bench.succeed("info w-samples.safetensors");
+    assert!(said.contains("samples to the power 0.5, 1, 2"), "{said}");
     let png = info("r7.png");
     assert_eq!((&png["kind"], &png["width"]), (&"png".into(), &12.into()));
     let system = json(&bench.succeed("info --system --json"));

@@ -60,6 +60,29 @@ fn keeps_plain(bench: &Bench, args: &str, picture: &str, words: &[&str]) {
     assert!(!text.contains("predicts") && !text.contains("breaks down"), "{text}");
 }
 
+/// Pictures have the estimates' errors, the same from a stored sequence; those of other methods
+/// have none.
+#[test]
+fn pictures_have_standard_errors() {
+    let bench = Bench::new();
+    bench.succeed(&render("--spp 16 --sequence s.exr -o x.exr"));
+    bench.succeed("transform s.exr -o y.exr");
+    bench.succeed("transform s.exr --transform none -o z.exr");
+    let layer = |name, layer| read_layer(&bench.path(name), layer).1;
+    let (errors, variance) = (layer("x.exr", "StdError"), layer("x.exr", "Variance"));
+    assert_eq!(errors, layer("y.exr", "StdError"));
+    // Of each lane, from a fifth of the plain estimate's to little more than that.
+    let close = |(error, variance): (&f32, &f32)| {
+        let plain = variance.sqrt();
+        (0.2 * plain..=1.1 * plain + 1e-6).contains(error)
+    };
+    let all = errors.iter().zip(&variance).all(close);
+    assert!(all && errors.iter().any(|&error| error > 0.0));
+    assert!(!errors.iter().map(|error| 2.0 * error).zip(&variance).all(|(e, v)| close((&e, v))));
+    let header = ExrHeader::read(&bench.path("z.exr")).expect("a picture");
+    assert!(header.layers().iter().all(|layer| layer.name != "StdError"));
+}
+
 /// A rendering says how far it trusts which expert, and what that gains; its picture says the
 /// same, and so does that of the stored sequence.
 #[test]

@@ -1,5 +1,7 @@
 //! Small systems of linear equations.
 
+use std::ops::{Index, IndexMut};
+
 /// The solution of A x = b in the first `count` places, 0 in the others, for a symmetric positive
 /// definite A of which the lower half is read, by Cholesky's A = L Lᵀ. Where A is not positive
 /// definite, the solution has numbers that are not finite.
@@ -8,6 +10,18 @@ pub(crate) fn solve<const N: usize>(
     mut b: [f64; N],
     count: usize,
 ) -> [f64; N] {
+    solve_in_place(&mut a, &mut b[..count]);
+    b[count..].fill(0.0);
+    b
+}
+
+/// The same for as many equations as `b` has numbers, which become the solution.
+#[inline(always)]
+pub(crate) fn solve_in_place<R>(a: &mut [R], b: &mut [f64])
+where
+    R: Index<usize, Output = f64> + IndexMut<usize>,
+{
+    let count = b.len();
     for i in 0..count {
         for j in 0..=i {
             let dot: f64 = (0..j).map(|k| a[i][k] * a[j][k]).sum();
@@ -21,8 +35,6 @@ pub(crate) fn solve<const N: usize>(
         let dot: f64 = (i + 1..count).map(|k| a[k][i] * b[k]).sum();
         b[i] = (b[i] - dot) / a[i][i];
     }
-    b[count..].fill(0.0);
-    b
 }
 
 #[cfg(test)]

@@ -39,15 +39,17 @@ pub mod metrics;
 mod mlp;
 mod network;
 pub mod random;
+mod sample_mlp;
 mod sequence;
 mod transform;
 
 pub use error::Error;
 pub use mlp::{Instructions, MlpCpu};
-pub use network::{Builtin, Layer, Metadata, Network};
+pub use network::{Builtin, Layer, Metadata, Network, SampleForm, SampleNetwork, Weights};
+pub use sample_mlp::SampleMlp;
 pub(crate) use sequence::sum_in_order;
 pub use sequence::{
-    Extent, FOLDS, Grid, Keep, LANES_PER_BLOCK, LaneSums, Merging, SequenceBatch, Side, Strips,
-    Whole, fold_count, root,
+    Extent, FOLDS, Grid, Keep, LANES_PER_BLOCK, LaneSums, Merging, Power, PowerSums, SequenceBatch,
+    Side, Strips, Whole, fold_count, root,
 };
 pub use transform::{Estimates, Fit, Fitted, Identity, Requirements, Status, Support, Transform};

@@ -62,6 +62,11 @@ pub trait Fitted: Send + Sync {
     /// Only for what concerns all lanes, such as a lost GPU.
     fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error>;
 
+    /// Whether the estimates come with [errors](Estimates::errors).
+    fn estimates_errors(&self) -> bool {
+        false
+    }
+
     /// What a method that measures its own gain has found.
     fn judgement(&self) -> Option<&Judgement> {
         None
@@ -71,6 +76,10 @@ pub trait Fitted: Send + Sync {
 impl<F: Fitted + ?Sized> Fitted for &F {
     fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
         (**self).apply(strip, out)
+    }
+
+    fn estimates_errors(&self) -> bool {
+        (**self).estimates_errors()
     }
 
     fn judgement(&self) -> Option<&Judgement> {
@@ -206,6 +215,12 @@ impl Estimates {
         self.errors.clear();
     }
 
+    /// Sets the errors of all lanes to NaN.
+    pub(crate) fn errors_unknown(&mut self) {
+        self.errors.clear();
+        self.errors.resize(self.values.len(), f32::NAN);
+    }
+
     /// Makes room for `lanes` lanes, all [`Status::Ok`]. Returns the values `[lane]`, which
     /// are still to be written, and the statuses `[lane]`.
     pub fn reset(&mut self, lanes: usize) -> (&mut [f32], &mut [Status]) {
@@ -219,7 +234,7 @@ impl Estimates {
     /// As [`reset`](Self::reset); the [errors](Self::errors) come third, all NaN.
     pub fn reset_with_errors(&mut self, lanes: usize) -> (&mut [f32], &mut [Status], &mut [f32]) {
         self.reset(lanes);
-        self.errors.resize(lanes, f32::NAN);
+        self.errors_unknown();
         (&mut self.values, &mut self.status, &mut self.errors)
     }
 }

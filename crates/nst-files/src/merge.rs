@@ -3,8 +3,8 @@
 //! Let file f have samples of s_f seeds, n_k of each behind term k. The merged term has n_k
 //! Σ s_f samples: it is the mean of the files' terms with the weights w_f = s_f / Σ s. The
 //! folds are merged in the same way, and stay means of disjoint subsets. The variance of
-//! the merged mean is Σ w_f² V_f, as the files are independent. Numbers of skipped samples
-//! are added.
+//! the merged mean is Σ w_f² V_f, as the files are independent. Power means are merged as means
+//! of powers. Numbers of skipped samples are added.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -115,11 +115,13 @@ impl Merge {
             let Some(strip) = strip else {
                 return Err(Error::malformed(path, "it has changed since it was opened"));
             };
-            add(&mut terms, strip.terms().iter().copied(), weight);
+            add(&mut terms, strip.terms().iter().map(|&term| term.into()), weight);
             for side in &self.info.sides {
                 let Some(values) = strip.side(side) else { continue };
                 let sums = sides.entry(side).or_insert_with(|| vec![0.0; values.len()]);
-                add(sums, values.iter().copied(), share(side, weight));
+                let merging = side.merging();
+                let values = values.iter().map(|&value| summand(merging, value.into()));
+                add(sums, values, share(merging, weight));
             }
         }
         let rounded = |sums: Vec<f64>| sums.into_iter().map(|sum| sum as f32).collect::<Vec<_>>();
@@ -128,21 +130,32 @@ impl Merge {
             .map_err(|error| Error::Mismatch(error.to_string()))?;
         let mut batch = SequenceBatch::new(terms, self.info.sample_counts.clone())?;
         batch.set_grid(grid)?;
-        for (side, sums) in sides {
+        for (side, mut sums) in sides {
+            if let Merging::PowerMean(power) = side.merging() {
+                sums.iter_mut().for_each(|sum| *sum = power.mean_of(*sum));
+            }
             batch.set_side(side.clone(), rounded(sums))?;
         }
         Ok(batch)
     }
 }
 
-fn add(sums: &mut [f64], values: impl Iterator<Item = f32>, share: f64) {
-    sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += share * f64::from(value));
+fn add(sums: &mut [f64], values: impl Iterator<Item = f64>, share: f64) {
+    sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += share * value);
+}
+
+/// What is added of a value of a side channel.
+fn summand(merging: Merging, value: f64) -> f64 {
+    match merging {
+        Merging::PowerMean(power) => power.of(value),
+        _ => value,
+    }
 }
 
 /// The factor of a side channel of a file with weight w.
-fn share(side: &Side, weight: f64) -> f64 {
-    match side.merging() {
-        Merging::Mean => weight,
+fn share(merging: Merging, weight: f64) -> f64 {
+    match merging {
+        Merging::Mean | Merging::PowerMean(_) => weight,
         Merging::VarianceOfMean => weight * weight,
         Merging::Sum => 1.0,
         Merging::Refuse => unreachable!("the files were checked"),

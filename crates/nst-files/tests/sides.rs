@@ -7,9 +7,10 @@ use exr::prelude::{
     AnyChannel, AnyChannels, FlatSamples, ReadChannels, ReadLayers, WritableImage, f16,
 };
 use ndarray::Array2;
-use nst_core::{FOLDS, Grid, SequenceBatch, Side};
+use nst_core::{FOLDS, Grid, Power, SequenceBatch, Side};
 use nst_files::{
     ColorModel, Error,
+    merge::Merge,
     output::OutputFile,
     sequence_file::{SequenceFile, SequenceInfo},
 };
@@ -135,4 +136,52 @@ fn layers_that_are_not_known_may_be_of_any_kind() {
         it.put("A", FlatSamples::F32(vec![1.0; PIXELS]));
     });
     assert_eq!(file.expect("a sequence").info.sides, sides);
+}
+
+/// The power means of merged files are those of all their samples.
+#[test]
+fn power_means_are_merged() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let grid = Grid::new(SIZE[0], SIZE[1], 3, 0).expect("a grid");
+    let powers = [0.125, 16.0].map(|p| Power::of_value(p).expect("a power of two"));
+    // Samples from 10⁻³ to 10³, whose powers f32 could not contain.
+    let sample = |i: usize| 10.0_f32.powi((i * 7919 % 7) as i32 - 3) * (1 + i % 3) as f32;
+    let samples: Vec<f32> = (0..16 * grid.lanes()).map(sample).collect();
+    let batch = |samples: &[f32]| {
+        let batch = SequenceBatch::from_samples_with(grid.lanes(), samples, &powers);
+        let mut batch = batch.expect("samples of all lanes");
+        batch.set_grid(grid).expect("its lanes");
+        batch
+    };
+    let paths = [0, 1].map(|seed| folder.path().join(format!("{seed}.exr")));
+    for ((path, samples), seed) in paths.iter().zip(samples.chunks(8 * grid.lanes())).zip(0..) {
+        let batch = batch(samples);
+        let info = SequenceInfo {
+            size: SIZE,
+            model: ColorModel::Rgb,
+            sample_counts: (1..=8).collect(),
+            sides: batch.sides().map(|(side, _)| side.clone()).collect(),
+            scene: String::new(),
+            sampler: String::new(),
+            seeds: vec![seed],
+            render_seconds: 0.0,
+            resume: None,
+        };
+        let mut output = OutputFile::create(path).expect("a file");
+        SequenceFile { info, batch, sums: None }.write(&mut output).expect("it can be written");
+        output.commit().expect("it can be renamed");
+    }
+    let merged = folder.path().join("merged.exr");
+    let mut output = OutputFile::create(&merged).expect("a file");
+    Merge::open(&paths).expect("alike").write(&mut output).expect("it can be written");
+    output.commit().expect("it can be renamed");
+    let merged = SequenceFile::read(&merged).expect("a sequence").batch;
+    let all = batch(&samples);
+    for side in powers.iter().flat_map(|&power| Side::power_means(power)) {
+        let [found, wanted] = [&merged, &all].map(|batch| batch.side(&side).expect("a mean"));
+        for (found, wanted) in found.iter().zip(wanted) {
+            // Each file's means are rounded to f32, and so is the merged one.
+            assert!((found / wanted - 1.0).abs() < 3e-7, "{side}: {found}, not {wanted}");
+        }
+    }
 }

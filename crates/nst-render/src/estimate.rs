@@ -2,10 +2,7 @@
 
 use std::{borrow::Cow, ops::Range};
 
-use nst_core::{
-    Error, Estimates, Fit, Fitted, SequenceBatch, Side, Strips, Support, Transform,
-    guard::Judgement,
-};
+use nst_core::{Error, Estimates, Fit, Fitted, SequenceBatch, Side, Strips, Support, Transform};
 
 use crate::Rendering;
 
@@ -74,12 +71,11 @@ impl<'a, F: FnMut(Range<usize>, &Estimates)> Estimator<'a, F> {
         Ok(())
     }
 
-    /// Does what is left to do, with all threads; what the method says of its own gain, if it
-    /// measures it.
+    /// Does what is left to do, with all threads; returns the method as it was fitted.
     ///
     /// # Errors
     /// Those of the method.
-    pub fn finish(mut self, rendering: &Rendering) -> Result<Option<Judgement>, Error> {
+    pub fn finish(mut self, rendering: &Rendering) -> Result<Box<dyn Fitted + 'a>, Error> {
         let needs = self.transform.requires();
         let mut strips = rendering.strips();
         if needs.support == Support::Picture {
@@ -103,7 +99,7 @@ impl<'a, F: FnMut(Range<usize>, &Estimates)> Estimator<'a, F> {
             fitted.apply(&strip, &mut self.estimates)?;
             (self.put)(rows_of(&strip), &self.estimates);
         }
-        Ok(fitted.judgement().cloned())
+        Ok(fitted)
     }
 }
 
@@ -141,7 +137,7 @@ mod tests {
 
     use nst_core::{
         Keep, MlpCpu, Network,
-        guard::Guard,
+        guard::{Guard, Judgement},
         methods::{METHODS, method},
     };
 
@@ -218,7 +214,7 @@ mod tests {
         let settings = RenderSettings { spp: if stop { 40 } else { SPP }, ..settings() };
         let rendering = render_to(consumer, None, &scene(), &settings, control).expect("it fits");
         assert_eq!(rendering.samples(), if stop { 16 } else { SPP });
-        let judgement = estimator.finish(&rendering).expect("nothing fails");
+        let judgement = estimator.finish(&rendering).expect("nothing fails").judgement().cloned();
 
         let mut whole = Estimates::default();
         let batch = rendering.batch();

@@ -138,9 +138,9 @@ pub(crate) enum KeepArg {
 pub(crate) enum SamplerArg {
     /// Independent and uniform.
     Random,
-    /// A scrambled Halton sequence for each pixel: the least noise.
+    /// A scrambled Halton sequence for each pixel: the least noise, but `auto` gains nothing.
     Halton,
-    /// Four independent ones for each pixel, so that `guard` can measure what it gains.
+    /// Four independent ones for each pixel, so that `auto` can measure what it gains.
     HaltonFolds,
 }
 

@@ -58,16 +58,19 @@ impl PictureFiles {
         Ok(Self { exr: Some(exr), png })
     }
 
-    /// Begins to write. The EXR has the layers `S` and, if there is one, `Variance`.
+    /// Begins to write. The EXR has the layers `S`, `Variance` if there is that side channel, and
+    /// `StdError` if errors are estimated.
     pub(super) fn begin(
         &mut self,
         size: [u32; 2],
         model: ColorModel,
         sides: &[Side],
+        errors: bool,
         info: &PictureInfo,
     ) -> Result<PictureRows<'_>, Error> {
         let mut layers = vec!["", "S"];
         layers.extend(sides.contains(&Side::Variance).then_some("Variance"));
+        layers.extend(errors.then_some("StdError"));
         let exr = self.exr.as_mut();
         let exr = exr.map(|exr| PictureWriter::create(exr, size, model, &layers, info));
         let png = PngWriter::create(&mut self.png, size)?;
@@ -91,13 +94,18 @@ pub(super) struct PictureRows<'a> {
 }
 
 impl PictureRows<'_> {
-    /// Writes a strip, without its halo, and its estimates.
-    pub(super) fn push(&mut self, strip: &SequenceBatch, values: &[f32]) -> Result<(), Error> {
+    /// Writes a strip, without its halo, its estimates, and their errors if there are any.
+    pub(super) fn push(
+        &mut self,
+        strip: &SequenceBatch,
+        values: &[f32],
+        errors: Option<&[f32]>,
+    ) -> Result<(), Error> {
         let inner = |lanes| strip.grid().map_or(Cow::Borrowed(lanes), |grid| grid.inner(lanes));
-        let others = layers(strip, values).into_iter().skip(1).map(|(_, lanes)| inner(lanes));
-        let others: Vec<Cow<'_, [f32]>> = others.collect();
-        let layers: Vec<&[f32]> =
-            [values].into_iter().chain(others.iter().map(AsRef::as_ref)).collect();
+        let plain = layers(strip, values).into_iter().skip(1).map(|(_, lanes)| inner(lanes));
+        let plain: Vec<Cow<'_, [f32]>> = plain.collect();
+        let layers = [values].into_iter().chain(plain.iter().map(AsRef::as_ref)).chain(errors);
+        let layers: Vec<&[f32]> = layers.collect();
         let (exr, png) = rayon::join(
             || self.exr.as_mut().map_or(Ok(()), |exr| exr.push(&layers)),
             || self.png.push(values, self.channels),

@@ -64,14 +64,16 @@ fn write(
 
     let seconds = Some(info.render_seconds).filter(|&seconds| seconds > 0.0);
     let about = header(info.samples(), seconds, fitted.judgement());
-    let mut picture = files.begin(info.size, info.model, &info.sides, &about)?;
+    let errors = fitted.estimates_errors();
+    let mut picture = files.begin(info.size, info.model, &info.sides, errors, &about)?;
     let mut estimates = Estimates::default();
     let mut lanes = Outcome::new(fitted.judgement().cloned());
     strips.rewind(method.transform.requires().halo())?;
     while let Some(strip) = strips.next_strip()? {
         timed(&mut watch.transform, || caught(|| fitted.apply(&strip, &mut estimates)))?;
         lanes.add(&estimates);
-        timed(&mut watch.io, || picture.push(&strip, estimates.values()))?;
+        let errors = errors.then(|| estimates.errors());
+        timed(&mut watch.io, || picture.push(&strip, estimates.values(), errors))?;
         progress.advance(estimates.values().len() as u64);
     }
     watch.io += strips.time;

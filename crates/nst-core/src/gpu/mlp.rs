@@ -175,6 +175,18 @@ impl MlpGpu {
         Ok(())
     }
 
+    /// Evaluates all lanes of inputs `[input][lane]`, also where they are constant.
+    ///
+    /// # Errors
+    /// Those of [`Self::evaluate`].
+    pub(crate) fn evaluate_all(
+        &self,
+        inputs: ArrayView2<'_, f32>,
+        out: &mut [f32],
+    ) -> Result<(), Error> {
+        self.evaluate(inputs, Selection::From(0), out, fault::wanted())
+    }
+
     /// As many sets of buffers, each with room for a chunk of lanes.
     fn take_buffers(&self, sets: usize, chunk: usize) -> Vec<Buffers> {
         let kept = std::mem::take(&mut *self.buffers());

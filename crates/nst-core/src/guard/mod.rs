@@ -21,6 +21,7 @@
 mod hats;
 mod judge;
 mod logarithm;
+mod refit;
 mod regression;
 mod sample;
 mod seen;
@@ -33,16 +34,17 @@ use rayon::prelude::*;
 
 pub use judge::Judgement;
 use judge::{ErrorRatios, judge};
+use refit::{Adapting, Refit};
 use regression::Regressions;
-use sample::{FoldMeans, GROUPS, Sample, fold_means};
-pub use seen::{Expert, OfTransform, Seen};
+use sample::{FoldMeans, FurtherMeans, GROUPS, Sample, fold_means, further_means, part_of};
+pub use seen::{Expert, Features, OfTransform, Seen};
 use simplex::MOST;
 use table::Table;
 use view::{Lanes, View};
 use weights::{Changes, Weights, of_lane, strata};
 
 use crate::{
-    Error, Estimates, FOLDS, Fit, Fitted, Requirements, SequenceBatch, Side, Status, Strips,
+    Error, Estimates, FOLDS, Fit, Fitted, Power, Requirements, SequenceBatch, Side, Status, Strips,
     Support, Transform,
 };
 
@@ -63,6 +65,8 @@ pub struct Guard {
 /// A [`Guard`] that has measured its experts on a batch.
 pub struct FittedGuard<'a> {
     experts: Vec<&'a dyn Expert>,
+    /// Those that were fitted again.
+    refits: Vec<Refit<'a>>,
     /// Or why all lanes keep the plain estimate.
     learnt: Result<Learnt, Status>,
     judgement: Judgement,
@@ -77,6 +81,8 @@ struct Learnt {
     unit: f64,
     /// How many samples are in each fold.
     counts: [f64; FOLDS],
+    /// Further powers that experts see.
+    powers: Vec<Power>,
 }
 
 /// The experts that learn from the batch.
@@ -108,9 +114,12 @@ impl Guard {
     /// [`Error::Batch`] if there are too many.
     pub fn new(experts: Vec<Box<dyn Expert>>) -> Result<Self, Error> {
         const MOST_EXPERTS: usize = MOST - CORRECTIONS.len();
-        if experts.len() > MOST_EXPERTS {
-            let message =
-                format!("{} experts; at most {MOST_EXPERTS} can be blended", experts.len());
+        let adapting = experts.iter().filter(|expert| expert.adapts().is_some()).count();
+        if experts.len() + adapting > MOST_EXPERTS {
+            let message = format!(
+                "{} experts, {adapting} of them also refitted; at most {MOST_EXPERTS} can be blended",
+                experts.len()
+            );
             return Err(Error::Batch(message));
         }
         Ok(Self { experts })
@@ -122,7 +131,7 @@ impl Guard {
     /// Those of `strips`.
     pub fn measure<'a>(&'a self, strips: &mut dyn Strips) -> Result<FittedGuard<'a>, Error> {
         strips.rewind(0)?;
-        let mut sample = Sample::default();
+        let mut sample = Sample::new(&self.powers());
         while let Some(strip) = strips.next_strip()?
             && sample.add(&strip)
         {}
@@ -133,6 +142,7 @@ impl Guard {
     fn learn(&self, sample: Sample) -> FittedGuard<'_> {
         let plain = |status: Status, why: &str| FittedGuard {
             experts: Vec::new(),
+            refits: Vec::new(),
             learnt: Err(status),
             judgement: Judgement::plain(why),
         };
@@ -150,26 +160,13 @@ impl Guard {
         }
         let views: Vec<View> = (0..=GROUPS)
             .into_par_iter()
-            .map(|group| View::new(&sample.means(), &sample.counts, group, None))
+            .map(|group| View::new(&sample.means(), &sample.further(), &sample.counts, group, None))
             .collect();
         if !views.iter().all(|view| view.unit > 0.0 && view.unit.is_finite()) {
             return plain(Status::Constant, "all estimates are 0");
         }
         let missing = missing(&sample, &views[..GROUPS]);
-        let mut notes = Vec::new();
-        let mut experts: Vec<&dyn Expert> = Vec::new();
-        let mut of_experts = vec![Vec::new(); views.len()];
-        for expert in &self.experts {
-            let found: Result<Vec<_>, _> =
-                views.iter().map(|view| change(&**expert, view)).collect();
-            match found {
-                Ok(found) => {
-                    experts.push(&**expert);
-                    of_experts.iter_mut().zip(found).for_each(|(all, found)| all.push(found));
-                }
-                Err(error) => notes.push(format!("'{}' is left out: {error}", expert.name())),
-            }
-        }
+        let Asked { experts, changes: of_experts, adapting, notes } = self.ask(&views);
         let (unit, counts) = (views[GROUPS].unit, sample.counts);
         let lanes: Vec<Lanes> = views.into_par_iter().map(View::lanes).collect();
         let held_out = &lanes[..GROUPS];
@@ -177,35 +174,69 @@ impl Guard {
             regressions: Regressions::fit(&sample, held_out, &missing),
             table: Table::fit(&sample, held_out, &missing),
         };
+        let refit = |adapting| Refit::fit(adapting, &sample, held_out, &missing);
+        let refits: Vec<Refit<'_>> = adapting.iter().map(refit).collect();
         let half = |lane: usize| usize::from(sample.pixels[lane / sample.channels].half);
         let of_corrections = lanes.par_iter().map(|lanes| corrections.changes(lanes, half));
         let mut changes: Vec<Vec<Vec<f32>>> = of_corrections.collect();
         changes.iter_mut().zip(of_experts).for_each(|(all, of_experts)| all.extend(of_experts));
+        for (refit, adapting) in refits.iter().zip(&adapting) {
+            let all = changes.iter_mut().zip(&adapting.of_views);
+            all.for_each(|(all, features)| all.push(refit.changes(features, half)));
+        }
         let changes = Changes::new(&sample, &lanes, &missing, &changes);
         let weights = Weights::fit(&changes);
         let names = CORRECTIONS.into_iter().chain(experts.iter().map(|expert| expert.name()));
+        let names = names.chain(refits.iter().map(|refit| refit.name.as_str()));
         let (judgement, errors) =
             judge(&changes, &weights, names.map(str::to_owned).collect(), notes);
-        let learnt = Learnt { corrections, weights, errors, unit, counts };
-        FittedGuard { experts, learnt: Ok(learnt), judgement }
+        let powers = sample.further().into_iter().map(|(power, _)| power).collect();
+        let learnt = Learnt { corrections, weights, errors, unit, counts, powers };
+        FittedGuard { experts, refits, learnt: Ok(learnt), judgement }
+    }
+
+    /// The powers that experts need beside those that all batches have.
+    fn powers(&self) -> Vec<Power> {
+        let powers = self.experts.iter().flat_map(|expert| expert.powers()).copied();
+        let mut powers: Vec<_> = powers.filter(|power| !power.is_usual()).collect();
+        powers.sort_unstable();
+        powers.dedup();
+        powers
+    }
+
+    /// Asks all experts about views.
+    fn ask(&self, views: &[View]) -> Asked<'_> {
+        let mut asked = Asked { changes: vec![Vec::new(); views.len()], ..Asked::default() };
+        for expert in &self.experts {
+            let expert = &**expert;
+            let changes: Result<Vec<_>, _> =
+                views.iter().map(|view| change(expert, view)).collect();
+            match changes.and_then(|changes| Ok((changes, Adapting::ask(expert, views)?))) {
+                Ok((changes, adapting)) => {
+                    asked.experts.push(expert);
+                    let all = asked.changes.iter_mut().zip(changes);
+                    all.for_each(|(all, changes)| all.push(changes));
+                    asked.adapting.extend(adapting);
+                }
+                Err(error) => {
+                    asked.notes.push(format!("'{}' is left out: {error}", expert.name()));
+                }
+            }
+        }
+        asked
     }
 }
 
-/// A guard that takes its sample of strips as they come.
-struct Learning<'a> {
-    guard: &'a Guard,
-    sample: Sample,
-}
-
-impl<'a> Fit<'a> for Learning<'a> {
-    fn add(&mut self, strip: &SequenceBatch) -> Result<(), Error> {
-        self.sample.add(strip);
-        Ok(())
-    }
-
-    fn finish(self: Box<Self>) -> Result<Box<dyn Fitted + 'a>, Error> {
-        Ok(Box::new(self.guard.learn(self.sample)))
-    }
+/// What experts say of views.
+#[derive(Default)]
+struct Asked<'a> {
+    /// Those that did not fail.
+    experts: Vec<&'a dyn Expert>,
+    /// What they change, `[view][expert][lane]`.
+    changes: Vec<Vec<Vec<f32>>>,
+    adapting: Vec<Adapting<'a>>,
+    /// Why others failed.
+    notes: Vec<String>,
 }
 
 /// The means of the groups held out minus the plain estimates of the others, `[group][lane]`.
@@ -244,14 +275,15 @@ impl FittedGuard<'_> {
         status: &mut [Status],
         errors: &mut [f32],
     ) -> Result<(), Error> {
-        let Learnt { corrections, weights, errors: ratios, unit, counts } = learnt;
-        let mut view = View::new(&chunk.means, counts, GROUPS, Some(*unit));
+        let Learnt { corrections, weights, errors: ratios, unit, counts, .. } = learnt;
+        let mut view = View::new(&chunk.means, &chunk.further, counts, GROUPS, Some(*unit));
         view.mean.copy_from_slice(chunk.last);
         let of_experts = self.experts.iter().map(|expert| change(*expert, &view));
-        let of_experts = of_experts.collect::<Result<Vec<_>, _>>()?;
+        let half = |lane: usize| chunk.strip.half(chunk.first + lane);
+        let of_refits = self.refits.iter().map(|refit| refit.changes_of(&view, half));
+        let of_experts = of_experts.chain(of_refits).collect::<Result<Vec<_>, _>>()?;
         let finite = chunk.finite();
         let lanes = view.lanes();
-        let half = |lane: usize| chunk.strip.half(chunk.first + lane);
         let mut changes = corrections.changes(&lanes, half);
         changes.extend(of_experts);
         for (lane, value) in values.iter_mut().enumerate() {
@@ -269,12 +301,30 @@ impl FittedGuard<'_> {
     }
 }
 
+/// A guard that takes its sample of strips as they come.
+struct Learning<'a> {
+    guard: &'a Guard,
+    sample: Sample,
+}
+
+impl<'a> Fit<'a> for Learning<'a> {
+    fn add(&mut self, strip: &SequenceBatch) -> Result<(), Error> {
+        self.sample.add(strip);
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<Box<dyn Fitted + 'a>, Error> {
+        Ok(Box::new(self.guard.learn(self.sample)))
+    }
+}
+
 /// Lanes of a strip that follow each other.
 struct Chunk<'a> {
     strip: &'a SequenceBatch,
     first: usize,
     last: &'a [f32],
     means: FoldMeans<'a>,
+    further: FurtherMeans<'a>,
 }
 
 impl Chunk<'_> {
@@ -298,7 +348,7 @@ impl Transform for Guard {
     }
 
     fn start(&self) -> Option<Box<dyn Fit<'_> + '_>> {
-        Some(Box::new(Learning { guard: self, sample: Sample::default() }))
+        Some(Box::new(Learning { guard: self, sample: Sample::new(&self.powers()) }))
     }
 }
 
@@ -315,6 +365,7 @@ impl Fitted for FittedGuard<'_> {
                 return Ok(());
             }
         };
+        let further = further_means(strip, &learnt.powers);
         let (values, status, errors) = out.reset_with_errors(strip.lanes());
         let chunks = values.par_chunks_mut(CHUNK).zip(status.par_chunks_mut(CHUNK));
         let chunks = chunks.zip(errors.par_chunks_mut(CHUNK));
@@ -322,13 +373,19 @@ impl Fitted for FittedGuard<'_> {
             let first = number * CHUNK;
             let range = first..first + values.len();
             let means = means.map(|folds| folds.map(|fold| &fold[range.clone()]));
-            let chunk = Chunk { strip, first, last: &strip.last()[range], means };
+            let further = part_of(&further, &range);
+            let chunk = Chunk { strip, first, last: &strip.last()[range], means, further };
             self.estimate(learnt, &chunk, values, status, errors)
         });
         if estimated.is_err() {
             out.fall_back(strip, Status::ExpertFailed);
+            out.errors_unknown();
         }
         Ok(())
+    }
+
+    fn estimates_errors(&self) -> bool {
+        self.learnt.is_ok()
     }
 
     fn judgement(&self) -> Option<&Judgement> {

@@ -1,6 +1,8 @@
 //! One pass over a batch: a sample of its pixels, small enough to learn from it in no time.
 
-use crate::{FOLDS, SequenceBatch, Side, fold_count, random::mix};
+use std::ops::Range;
+
+use crate::{FOLDS, Power, SequenceBatch, Side, fold_count, random::mix};
 
 /// The most pixels that weights are fitted to; of batches that have more, at least half as
 /// many are. Their sums are far from noise then.
@@ -15,6 +17,9 @@ pub(super) const SHARE: f64 = 1.0 - 1.0 / GROUPS as f64;
 /// Means of y, √y and y² over each fold, `[kind][fold][lane]`.
 pub(super) type FoldMeans<'a> = [[&'a [f32]; FOLDS]; 3];
 
+/// Power means of further powers over each fold, `[fold][lane]`.
+pub(super) type FurtherMeans<'a> = Vec<(Power, [&'a [f32]; FOLDS])>;
+
 /// Pixels of a batch, with what their lanes' folds say. Without a grid each lane is a pixel.
 #[derive(Clone, Debug)]
 pub(super) struct Sample {
@@ -22,6 +27,8 @@ pub(super) struct Sample {
     pub(super) pixels: Vec<Pixel>,
     /// `[kind][fold]`, `[pixel][channel]`
     means: [[Vec<f32>; FOLDS]; 3],
+    /// Those of further powers, `[fold]`, `[pixel][channel]`.
+    further: Vec<(Power, [Vec<f32>; FOLDS])>,
     /// The variances of S, `[pixel][channel]`; empty if they are not known.
     variances: Vec<f32>,
     pub(super) channels: usize,
@@ -51,6 +58,7 @@ impl Default for Sample {
         Self {
             pixels: Vec::new(),
             means: Default::default(),
+            further: Vec::new(),
             variances: Vec::new(),
             channels: 1,
             counts: [0.0; FOLDS],
@@ -62,6 +70,12 @@ impl Default for Sample {
 }
 
 impl Sample {
+    /// Of no strips yet. Of these further powers, it will have those that the strips have.
+    pub(super) fn new(powers: &[Power]) -> Self {
+        let further = powers.iter().map(|&power| (power, Default::default())).collect();
+        Self { further, ..Self::default() }
+    }
+
     /// Adds the next strip. Returns whether it has what is needed; others make no difference
     /// if it has not.
     pub(super) fn add(&mut self, strip: &SequenceBatch) -> bool {
@@ -93,6 +107,12 @@ impl Sample {
         self.means.each_ref().map(|folds| folds.each_ref().map(Vec::as_slice))
     }
 
+    /// The same for further powers.
+    pub(super) fn further(&self) -> FurtherMeans<'_> {
+        let further = self.further.iter();
+        further.map(|(power, folds)| (*power, folds.each_ref().map(Vec::as_slice))).collect()
+    }
+
     /// Adds the pixels of the next strip whose hashes begin with the most zeros. Which are left
     /// in the end does not depend on how the batch is cut.
     fn add_pixels(&mut self, strip: &SequenceBatch, means: &FoldMeans<'_>) {
@@ -103,6 +123,9 @@ impl Sample {
         (0..pixels).for_each(|pixel| self.zeros[usize::from(zeros(pixel))] += 1);
         let least = self.least_zeros();
         self.thin_out(least);
+        let powers: Vec<_> = self.further.iter().map(|(power, _)| *power).collect();
+        let further = further_means(strip, &powers);
+        self.further.retain(|(power, _)| further.iter().any(|(known, _)| known == power));
         let variances = strip.side(&Side::Variance);
         for pixel in (0..pixels).filter(|&pixel| zeros(pixel) >= least) {
             let lanes = (0..self.channels).map(|channel| channel * pixels + pixel);
@@ -111,6 +134,12 @@ impl Sample {
                 self.pixels.push(Pixel { half: strip.half(pixel) as u8, zeros: zeros(pixel) });
                 let kept = self.means.iter_mut().flatten().zip(means.iter().flatten());
                 kept.for_each(|(kept, values)| kept.extend(lanes.clone().map(|lane| values[lane])));
+                for ((_, kept), (_, values)) in self.further.iter_mut().zip(&further) {
+                    let kept = kept.iter_mut().zip(values);
+                    kept.for_each(|(kept, values)| {
+                        kept.extend(lanes.clone().map(|lane| values[lane]));
+                    });
+                }
                 let of_pixel = variances.map(|values| lanes.clone().map(|lane| values[lane]));
                 self.variances.extend(of_pixel.into_iter().flatten());
             }
@@ -135,7 +164,8 @@ impl Sample {
         }
         let mut kept = keep.iter();
         self.pixels.retain(|_| *kept.next().expect("as many"));
-        let lanes = self.means.iter_mut().flatten().chain([&mut self.variances]);
+        let further = self.further.iter_mut().flat_map(|(_, folds)| folds);
+        let lanes = self.means.iter_mut().flatten().chain(further).chain([&mut self.variances]);
         for values in lanes {
             let mut kept = keep.iter().flat_map(|keep| std::iter::repeat_n(keep, self.channels));
             values.retain(|_| *kept.next().expect("as many"));
@@ -175,6 +205,27 @@ pub(super) fn fold_means(strip: &SequenceBatch) -> Option<FoldMeans<'_>> {
         }
     }
     Some(found)
+}
+
+/// The power means of those of these powers that a strip has.
+pub(super) fn further_means<'a>(strip: &'a SequenceBatch, powers: &[Power]) -> FurtherMeans<'a> {
+    let of_power = |&power: &Power| {
+        let sides = Side::power_means(power);
+        let [Some(a), Some(b), Some(c), Some(d)] = sides.map(|side| strip.side(&side)) else {
+            return None;
+        };
+        Some((power, [a, b, c, d]))
+    };
+    powers.iter().filter_map(of_power).collect()
+}
+
+/// The power means of some lanes.
+pub(super) fn part_of<'a>(further: &FurtherMeans<'a>, lanes: &Range<usize>) -> FurtherMeans<'a> {
+    let mut part = Vec::with_capacity(further.len());
+    for (power, folds) in further {
+        part.push((*power, folds.map(|fold| &fold[lanes.clone()])));
+    }
+    part
 }
 
 /// The shares of the folds in the mean without a group; of all, if there is no such group.

@@ -1,6 +1,6 @@
 //! What an expert sees of the lanes: statistics of their samples, without those held out.
 
-use crate::{Error, Estimates, SequenceBatch, Side, Support, Transform};
+use crate::{Error, Estimates, Power, SequenceBatch, Side, Support, Transform};
 
 /// Means over some of the samples of each lane. Where a group of folds is held out, nothing
 /// of its samples is in any of these numbers.
@@ -17,6 +17,9 @@ pub struct Seen<'a> {
     pub root: &'a [f32],
     /// The mean of the squares, `[lane]`.
     pub square: &'a [f32],
+    /// The [power means](Power) M_p of further powers that experts [need](Expert::powers), each
+    /// `[lane]`; none that the batch does not have.
+    pub further: &'a [(Power, Vec<f32>)],
 }
 
 impl Seen<'_> {
@@ -36,11 +39,36 @@ pub trait Expert: Send + Sync {
     /// What to call it.
     fn name(&self) -> &str;
 
+    /// The powers of the samples whose means it needs, beside those that every batch has: ½, 1
+    /// and 2, which may be among them.
+    fn powers(&self) -> &[Power] {
+        &[]
+    }
+
+    /// Its features, if the guard is to fit their coefficients again, to the very batch: as one
+    /// more expert.
+    fn adapts(&self) -> Option<&dyn Features> {
+        None
+    }
+
     /// Writes an estimate of each lane. What is not finite counts as the plain estimate.
     ///
     /// # Errors
     /// What concerns all lanes, such as a lost GPU; the guard then goes on without it.
     fn estimate(&self, seen: &Seen<'_>, out: &mut [f32]) -> Result<(), Error>;
+}
+
+/// Numbers of a lane, of which an expert's change of the plain estimate is a linear function:
+/// those of a network's last hidden layer.
+pub trait Features: Send + Sync {
+    /// The coefficients of the expert's own change.
+    fn coefficients(&self) -> &[f32];
+
+    /// Writes the features, `[lane][feature]`; as for estimates, from what is seen alone.
+    ///
+    /// # Errors
+    /// As for [`Expert::estimate`].
+    fn features(&self, seen: &Seen<'_>, out: &mut [f32]) -> Result<(), Error>;
 }
 
 /// A [`Transform`] that looks at the plain estimate of each lane, and perhaps its variance.

@@ -1,7 +1,7 @@
 //! The guard on lanes whose true values are known.
 
 use super::*;
-use crate::{Grid, LANES_PER_BLOCK, random::SplitMix64, sequence::tests::Cut};
+use crate::{Grid, LANES_PER_BLOCK, LaneSums, PowerSums, random::SplitMix64, sequence::tests::Cut};
 
 /// Lanes of an integrand, and their true values.
 struct Lanes {
@@ -28,6 +28,19 @@ fn fireflies(a: f64, b: f64, u: f64) -> f64 {
     (0.5 + a) * (1.0 + if u < 0.02 { 100.0 * b } else { 0.0 })
 }
 
+/// A Gaussian density on [0, 1] with a mean and a deviation from 0.1 to 0.3, as a network in
+/// the crate was trained on.
+fn gaussian(a: f64, b: f64, u: f64) -> f64 {
+    let deviation = 0.1 + 0.2 * b;
+    let z = (u - (0.1 + 0.2 * a)) / deviation;
+    (-0.5 * z * z).exp() / (deviation * std::f64::consts::TAU.sqrt())
+}
+
+/// The same, a quarter of it or four times it: in one batch, no network has seen it.
+fn scaled_gaussian(a: f64, b: f64, u: f64) -> f64 {
+    4.0_f64.powi((3.0 * (7.0 * a).fract()) as i32 - 1) * gaussian(a, b, u)
+}
+
 const INTEGRANDS: [Integrand; 3] = [visibility, smooth, fireflies];
 
 impl Lanes {
@@ -37,16 +50,26 @@ impl Lanes {
         let parameters: Vec<[f64; 2]> =
             (0..lanes).map(|_| [random.uniform(), random.uniform()]).collect();
         let sample = |lane: usize, u: f64| integrand(parameters[lane][0], parameters[lane][1], u);
-        let mut samples = Vec::with_capacity(lanes * n as usize);
-        for _ in 0..n {
-            samples.extend((0..lanes).map(|lane| sample(lane, random.uniform()) as f32));
+        let mut sums = vec![LaneSums::default(); lanes];
+        // Of many samples no test needs them, and they take their time.
+        let further: Vec<Power> = Power::all().filter(|_| n <= 1024).collect();
+        let mut powers = PowerSums::new(&further, lanes);
+        for index in 0..n {
+            for (lane, sums) in sums.iter_mut().enumerate() {
+                let sample = f64::from(sample(lane, random.uniform()) as f32);
+                sums.add(index, sample);
+                powers.add(lane, index, sample);
+            }
         }
         const STEPS: u32 = 1000;
         let of_lane = |lane: usize| {
             let steps = (0..STEPS).map(|i| sample(lane, (f64::from(i) + 0.5) / f64::from(STEPS)));
             steps.sum::<f64>() / f64::from(STEPS)
         };
-        let batch = SequenceBatch::from_samples(lanes, &samples).expect("samples of all lanes");
+        let means: Vec<f32> = sums.iter().map(|it| (it.total() / f64::from(n)) as f32).collect();
+        let mut batch = SequenceBatch::from_last(&means, n).expect("a mean of each lane");
+        batch.set_sums(&sums, n).expect("sums of each lane");
+        batch.set_power_sums(&powers, n).expect("sums of each lane");
         Self { truth: (0..lanes).map(of_lane).collect(), batch }
     }
 
@@ -82,6 +105,78 @@ impl<F: Fn(usize, &Seen<'_>) -> f64 + Send + Sync> Expert for By<F> {
 
 fn with(expert: impl Expert + 'static) -> Guard {
     Guard::new(vec![Box::new(expert)]).expect("one expert")
+}
+
+fn of_samples(name: &str) -> crate::SampleMlp {
+    let network = crate::SampleNetwork::builtin(name).expect("it is in the crate");
+    crate::SampleMlp::new(name, network.expect("it is readable"))
+}
+
+/// The network gives what it has learnt. With other integrals and with more samples it is out of
+/// its depth: the guard keeps it out, and its last layer fitted again gains.
+#[test]
+fn networks_that_see_samples() {
+    let network = || of_samples("gaussian-samples");
+    let guards = [Guard::default(), with(network()), with(network().with_refit())];
+    let cases: [(Integrand, u32); 7] = [
+        (gaussian, 8),
+        (gaussian, 64),
+        (gaussian, 1024),
+        (scaled_gaussian, 8),
+        (scaled_gaussian, 64),
+        (visibility, 64),
+        (fireflies, 64),
+    ];
+    let ratios = cases.map(|(integrand, n)| {
+        let runs = [1, 2].map(|seed| Lanes::new(integrand, 6000, n, seed));
+        let ratios = guards.each_ref().map(|guard| {
+            runs.iter().map(|lanes| lanes.ratio(guard).0).sum::<f64>() / runs.len() as f64
+        });
+        let [alone, ..] = ratios;
+        // At the worst it takes from the others what is noise.
+        assert!(ratios.iter().all(|ratio| *ratio < 1.01 * alone), "{n} samples: {ratios:?}");
+        ratios
+    });
+    // 5 % above what is measured.
+    for (case, most) in [(0, 0.048), (1, 0.061)] {
+        let [_, with_network, refitted] = ratios[case];
+        assert!(with_network < most && refitted < most, "{:?}", ratios[case]);
+    }
+    for case in [2, 3, 4, 6] {
+        let [_, with_network, refitted] = ratios[case];
+        assert!(refitted < 0.9 * with_network, "case {case}: {:?}", ratios[case]);
+    }
+}
+
+/// A last layer that is fitted to three quarters of the samples is told to see as many in all:
+/// otherwise it seems to gain five times of what it does, and is preferred to a better network.
+#[test]
+fn what_is_fitted_again_does_not_extrapolate() {
+    let experts: Vec<Box<dyn Expert>> = vec![
+        Box::new(of_samples("gaussian-samples")),
+        Box::new(of_samples("families-samples").with_refit()),
+    ];
+    let guard = Guard::new(experts).expect("two experts, one of them refitted");
+    let (ratio, judgement) = Lanes::new(gaussian, 9000, 16, 1).ratio(&guard);
+    assert!(ratio < 0.057 && judgement.ratio > 0.8 * ratio, "{ratio} {judgement:?}");
+}
+
+/// A batch without the means that a network needs: the guard goes on without it.
+#[test]
+fn a_network_without_its_means_is_left_out() {
+    let lanes = Lanes::new(gaussian, 3000, 16, 1);
+    let mut batch = SequenceBatch::from_last(lanes.batch.last(), 16).expect("as before");
+    let missing = Side::power_means(Power::of_value(8.0).expect("a power of two"));
+    for (side, values) in lanes.batch.sides().filter(|(side, _)| **side != missing[2]) {
+        batch.set_side(side.clone(), values.to_vec()).expect("as before");
+    }
+    let network = || of_samples("gaussian-samples").with_refit();
+    let (alone, _) = lanes.ratio(&Guard::default());
+    let (ratio, judgement) = Lanes { batch, ..lanes }.ratio(&with(network()));
+    assert_eq!((ratio, judgement.experts.len()), (alone, CORRECTIONS.len()));
+    let note = "'gaussian-samples' is left out: ";
+    let said = judgement.notes[0].starts_with(note) && judgement.notes[0].contains("power 8");
+    assert!(said, "{:?}", judgement.notes);
 }
 
 /// Where there is something to be learnt it is learnt, from the batch alone; nowhere is T
@@ -138,18 +233,20 @@ fn garbage_changes_nothing() {
 /// An expert with a constant bias counts at few samples, and not at many.
 #[test]
 fn converges_whatever_the_bias() {
-    let biased = |n: u32| {
-        let lanes = Lanes::new(visibility, 2000, n, 9);
+    let biased = |lanes: usize, n: u32| {
+        let lanes = Lanes::new(visibility, lanes, n, 9);
         let (alone, _) = lanes.ratio(&Guard::default());
         let known = lanes.truth.clone();
         let expert = By("biased", move |lane: usize, _: &Seen<'_>| known[lane % known.len()] + 0.3);
         let (ratio, judgement) = lanes.ratio(&with(expert));
         (ratio / alone, judgement.experts[CORRECTIONS.len()].1)
     };
-    let (few, weight) = biased(4);
+    let (few, weight) = biased(2000, 4);
     assert!(few < 0.5 && weight > 0.3, "{few} {weight}");
-    let (many, weight) = biased(4096);
-    assert!((many - 1.0).abs() < 0.01 && weight < 0.03, "{many} {weight}");
+    for (lanes, n) in [(2000, 4096), (500, 65_536)] {
+        let (many, weight) = biased(lanes, n);
+        assert!((many - 1.0).abs() < 0.01 && weight < 0.03, "{n} samples: {many} {weight}");
+    }
 }
 
 /// The interval contains the true ratio in 90 of 100 cases, at least.
@@ -220,7 +317,7 @@ fn has_no_unit() {
 #[test]
 fn strips_make_no_difference() -> Result<(), Error> {
     let check = |batch: &SequenceBatch, steps: &[usize]| -> Result<(), Error> {
-        let guard = Guard::default();
+        let guard = with(of_samples("step-samples").with_refit());
         let whole = guard.measure(&mut crate::Whole::new(batch))?;
         for &step in steps {
             let cut = guard.measure(&mut Cut { batch, step, next: 0 })?;
@@ -306,6 +403,13 @@ fn what_cannot_be_held_out_is_refused() {
     assert!(of(OfTransform::new("mean", PriorMean::OfTheBatch).err()).contains("all samples"));
     let many = (0..=5).map(|_| Box::new(By("x", |_, _: &Seen<'_>| 0.0)) as Box<dyn Expert>);
     assert!(Guard::new(many.collect()).is_err());
+    // Those that are fitted again count twice.
+    let many = |count: usize| {
+        let expert = || Box::new(of_samples("step-samples").with_refit()) as Box<dyn Expert>;
+        Guard::new((0..count).map(|_| expert()).collect())
+    };
+    assert!(many(2).is_ok());
+    assert!(of(many(3).err()).contains("3 experts, 3 of them also refitted"));
 }
 
 /// An expert that fails is left out, and named.

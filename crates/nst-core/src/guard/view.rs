@@ -3,10 +3,10 @@
 use super::{
     hats::{Hats, Place},
     logarithm::ln,
-    sample::{FoldMeans, shares_without},
+    sample::{FoldMeans, FurtherMeans, shares_without},
     seen::Seen,
 };
-use crate::FOLDS;
+use crate::{FOLDS, Power};
 
 /// Brightness, ln(|S|/u + [`FLOOR`]): from a hundredth of the unit to 55 times it.
 pub(super) const BRIGHTNESS: Hats<10> = Hats { low: -4.6, high: 4.0 };
@@ -38,6 +38,7 @@ pub(super) struct View {
     pub(super) mean: Vec<f32>,
     root: Vec<f32>,
     square: Vec<f32>,
+    further: Vec<(Power, Vec<f32>)>,
 }
 
 /// What corrections and strata are computed from, `[lane]` each.
@@ -63,6 +64,7 @@ impl View {
     /// that of these lanes.
     pub(super) fn new(
         means: &FoldMeans<'_>,
+        further: &FurtherMeans<'_>,
         counts: &[f64; FOLDS],
         group: usize,
         unit: Option<f64>,
@@ -74,13 +76,17 @@ impl View {
         let unit = unit.unwrap_or_else(|| {
             mean.iter().map(|&x| f64::from(x).abs()).sum::<f64>() / mean.len() as f64
         });
-        Self { samples, unit, mean, root, square }
+        let of_power = |(power, folds): &(Power, [&[f32]; FOLDS])| {
+            (*power, power_means(*power, folds, &shares))
+        };
+        let further = further.iter().map(of_power).collect();
+        Self { samples, unit, mean, root, square, further }
     }
 
     /// What an expert sees.
     pub(super) fn seen(&self) -> Seen<'_> {
-        let Self { samples, unit, mean, root, square } = self;
-        Seen { samples: *samples, unit: *unit, mean, root, square }
+        let Self { samples, unit, mean, root, square, further } = self;
+        Seen { samples: *samples, unit: *unit, mean, root, square, further }
     }
 
     /// The numbers of all lanes. `plain` estimates, where they are given, are S to the bit.
@@ -132,6 +138,16 @@ fn weighted(folds: &[&[f32]; FOLDS], shares: &[f64; FOLDS]) -> Vec<f32> {
         (shares[0] * a + shares[1] * b + (shares[2] * c + shares[3] * d)) as f32
     };
     quadruples.map(mean).collect()
+}
+
+/// The power mean over folds, weighted, `[lane]`.
+fn power_means(power: Power, folds: &[&[f32]; FOLDS], shares: &[f64; FOLDS]) -> Vec<f32> {
+    let of_lane = |lane: usize| {
+        // A fold without a share may have no samples.
+        let folds = folds.iter().zip(shares).filter(|(_, share)| **share > 0.0);
+        power.mean_of(folds.map(|(fold, share)| share * power.of(fold[lane].into())).sum()) as f32
+    };
+    (0..folds[0].len()).map(of_lane).collect()
 }
 
 impl Lanes {

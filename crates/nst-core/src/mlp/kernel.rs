@@ -71,6 +71,11 @@ impl Packed {
         }
     }
 
+    /// The neurons of the last hidden layer, with those that fill up its last block.
+    pub(super) fn last_width(&self, window: usize) -> usize {
+        self.layers.last().map_or(window, |layer| layer.blocks * ROWS)
+    }
+
     /// Values per lane that a buffer must hold.
     fn widest(&self, window: usize) -> usize {
         self.layers.iter().map(|layer| layer.blocks * ROWS).fold(window, usize::max)
@@ -93,6 +98,12 @@ impl Tile {
     /// The inputs, `[panel][term][lane of panel]`.
     pub(super) fn input(&mut self) -> &mut [f32] {
         numbers_mut(&mut self.front)
+    }
+
+    /// The activations of the last hidden layer, as [`evaluate`] leaves them:
+    /// `[panel][neuron][lane of panel]`, with [`Packed::last_width`] neurons.
+    pub(super) fn hidden(&self) -> &[f32] {
+        numbers(&self.front)
     }
 
     /// The outputs, `[lane]`, as [`evaluate`] leaves them.

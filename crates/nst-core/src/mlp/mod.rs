@@ -12,6 +12,7 @@ use std::{
 };
 
 use ndarray::ArrayView2;
+use rayon::prelude::*;
 
 use crate::{
     Error, Estimates, Fitted, Network, Requirements, SequenceBatch, Status, Strips, Transform,
@@ -86,6 +87,53 @@ impl MlpCpu {
         self.evaluate(window, Selection::From(0), &mut tile, out);
     }
 
+    /// Evaluates all lanes of inputs `[input][lane]`, also where they are constant.
+    pub(crate) fn evaluate_all(&self, inputs: ArrayView2<'_, f32>, out: &mut [f32]) {
+        let job = self.job();
+        out.par_chunks_mut(job).enumerate().for_each_init(
+            || Tile::new(&self.packed, self.window(), TILE),
+            |tile, (i, out)| self.evaluate(inputs, Selection::From(i * job), tile, out),
+        );
+    }
+
+    /// The activations of the last hidden layer for all lanes of inputs `[input][lane]`, as
+    /// `[lane][neuron]`.
+    pub(crate) fn hidden(&self, inputs: ArrayView2<'_, f32>) -> Vec<f32> {
+        let neurons = self.network.layers().last().expect("a network has layers").inputs();
+        let (panel, width) = (self.panel(), self.packed.last_width(self.window()));
+        let mut hidden = vec![0.0; inputs.ncols() * neurons];
+        hidden.par_chunks_mut(TILE * neurons).enumerate().for_each_init(
+            || Tile::new(&self.packed, self.window(), TILE),
+            |tile, (i, hidden)| {
+                let mut out = [0.0; TILE];
+                let count = hidden.len() / neurons;
+                self.evaluate_tile(inputs, Selection::From(0), i * TILE, tile, &mut out[..count]);
+                for (lane, hidden) in hidden.chunks_exact_mut(neurons).enumerate() {
+                    let of_panel = &tile.hidden()[lane / panel * width * panel..];
+                    let activations = of_panel.iter().skip(lane % panel).step_by(panel);
+                    hidden.iter_mut().zip(activations).for_each(|(h, &activation)| *h = activation);
+                }
+            },
+        );
+        hidden
+    }
+
+    /// Lanes per panel of a tile.
+    fn panel(&self) -> usize {
+        match self.instructions {
+            Instructions::Portable => panel::<Four>(),
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx2 => panel::<Eight>(),
+            #[cfg(target_arch = "x86_64")]
+            Instructions::Avx512 => panel::<Sixteen>(),
+        }
+    }
+
+    /// Lanes that a thread fetches at a time: whole tiles.
+    fn job(&self) -> usize {
+        TILE * (JOB / self.network.flops_per_lane()).div_ceil(TILE).clamp(1, 64)
+    }
+
     /// Evaluates as many lanes of `selection` as `out` has room for, tile by tile.
     fn evaluate(
         &self,
@@ -143,7 +191,7 @@ impl Fitted for MlpCpu {
             out.fall_back(batch, Status::TooShort);
             return Ok(());
         };
-        let job = TILE * (JOB / self.network.flops_per_lane()).div_ceil(TILE).clamp(1, 64);
+        let job = self.job();
         let (values, status) = out.reset(batch.lanes());
         let jobs = values.len().div_ceil(job);
         let queue = values.chunks_mut(job).zip(status.chunks_mut(job)).enumerate();

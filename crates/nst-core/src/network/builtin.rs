@@ -1,6 +1,6 @@
 //! The networks inside the crate.
 
-use super::model::Network;
+use super::{model::Network, samples::SampleNetwork};
 use crate::Error;
 
 /// The names of networks, and their files in `weights/`.
@@ -30,6 +30,10 @@ const BUILTIN: &[(&str, &[u8])] = &builtin!(
     "cornell-depth-8",
     "cornell-depth-8-halton",
 );
+
+/// Those that see samples.
+const OF_SAMPLES: &[(&str, &[u8])] =
+    &builtin!("families-samples", "gaussian-samples", "step-samples", "gaussian-step-samples",);
 
 /// A network inside the crate, whose file has not been read yet.
 #[derive(Clone, Copy, Debug)]
@@ -62,7 +66,7 @@ impl Builtin {
 }
 
 impl Network {
-    /// The networks inside the crate, in a fixed order.
+    /// The networks inside the crate that read a window of terms, in a fixed order.
     pub fn builtins() -> impl ExactSizeIterator<Item = Builtin> + Clone {
         BUILTIN.iter().map(|&(name, file)| Builtin { name, file })
     }
@@ -86,6 +90,19 @@ impl Network {
     }
 }
 
+impl SampleNetwork {
+    /// The names of the networks inside the crate that see samples, in a fixed order.
+    pub fn builtins() -> impl ExactSizeIterator<Item = &'static str> + Clone {
+        OF_SAMPLES.iter().map(|&(name, _)| name)
+    }
+
+    /// One of them, by its name.
+    #[must_use]
+    pub fn builtin(name: &str) -> Option<Result<Self, Error>> {
+        OF_SAMPLES.iter().find(|(known, _)| *known == name).map(|(_, file)| Self::from_bytes(file))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -97,6 +114,12 @@ mod tests {
             assert_eq!(network, builtin.network()?, "{}", builtin.name());
         }
         assert!(Network::builtin("nothing").is_none());
+        for name in SampleNetwork::builtins() {
+            let network = SampleNetwork::builtin(name).expect("it is in the list")?;
+            assert_eq!(network.metadata().samples, (4, 64), "{name}");
+            assert!(Network::builtins().all(|builtin| builtin.name() != name));
+        }
+        assert!(SampleNetwork::builtin("step").is_none());
         Ok(())
     }
 

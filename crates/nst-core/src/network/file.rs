@@ -8,7 +8,10 @@ use safetensors::{
     tensor::{Metadata as Header, TensorInfo},
 };
 
-use super::model::{Layer, Metadata, Network};
+use super::{
+    model::{Layer, Metadata, Network},
+    samples::{SampleForm, SampleNetwork},
+};
 use crate::Error;
 
 /// The value of the metadata key `format` in files that this version reads.
@@ -17,7 +20,16 @@ const FORMAT: &str = "nst-weights-1";
 /// A safetensors file begins with the length of its header, a number of this many bytes.
 const LENGTH_BYTES: usize = 8;
 
-impl Network {
+/// What a weights file contains: one of two kinds of network.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Weights {
+    /// One that reads a window of terms.
+    Window(Network),
+    /// One that sees samples.
+    Samples(SampleNetwork),
+}
+
+impl Weights {
     /// Reads a network from the bytes of a safetensors file.
     ///
     /// # Errors
@@ -25,9 +37,26 @@ impl Network {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, Error> {
         let (length, header) =
             SafeTensors::read_metadata(bytes).map_err(|error| Error::Weights(error.to_string()))?;
-        let metadata = metadata(&header)?;
-        let layers = Tensors { header: &header, data: &bytes[LENGTH_BYTES + length..] }.layers()?;
-        Self::new(layers, metadata)
+        let empty = HashMap::new();
+        let fields = Fields(header.metadata().as_ref().unwrap_or(&empty));
+        fields.expect("format", FORMAT)?;
+        fields.expect("kind", "mlp")?;
+        fields.expect("activation", "leaky_relu")?;
+        let tensors = Tensors { header: &header, data: &bytes[LENGTH_BYTES + length..] };
+        match fields.get("inputs")? {
+            "window" => {
+                let metadata = fields.metadata(fields.number("window")?)?;
+                Ok(Self::Window(Network::new(tensors.layers()?, metadata)?))
+            }
+            "samples" => {
+                let form = fields.form()?;
+                let metadata = fields.metadata(form.inputs())?;
+                Ok(Self::Samples(SampleNetwork::new(tensors.layers()?, metadata, form)?))
+            }
+            found => Err(Error::Weights(format!(
+                "metadata 'inputs' is '{found}'; this version reads 'window' and 'samples'"
+            ))),
+        }
     }
 
     /// Reads a network from a safetensors file.
@@ -37,37 +66,102 @@ impl Network {
     pub fn read(path: &Path) -> Result<Self, Error> {
         Self::from_bytes(&std::fs::read(path)?)
     }
+
+    /// Its layers; of one that sees samples, their window is its inputs.
+    #[must_use]
+    pub fn layers(&self) -> &Network {
+        match self {
+            Self::Window(network) => network,
+            Self::Samples(network) => network.layers(),
+        }
+    }
 }
 
-/// What the header says about the network.
-fn metadata(header: &Header) -> Result<Metadata, Error> {
-    let empty = HashMap::new();
-    let fields = Fields(header.metadata().as_ref().unwrap_or(&empty));
-    fields.expect("format", FORMAT)?;
-    fields.expect("kind", "mlp")?;
-    fields.expect("inputs", "window")?;
-    fields.expect("activation", "leaky_relu")?;
-    let metadata = Metadata {
-        window: fields.number("window")?,
-        negative_slope: fields.number("negative_slope")?,
-        trained_on: fields.get("trained_on")?.split(',').map(|s| s.trim().to_owned()).collect(),
-        samples: fields.range("samples")?,
-        sampler: fields.get("sampler").ok().map(str::to_owned),
-        loss: fields.get("loss")?.to_owned(),
-        epochs: fields.number("epochs")?,
-        seed: fields.number("seed")?,
-        config: fields.get("config")?.to_owned(),
-    };
-    if !metadata.negative_slope.is_finite() {
-        return Err(Error::Weights("metadata 'negative_slope' is not finite".into()));
+impl Network {
+    /// Reads a network from the bytes of a safetensors file.
+    ///
+    /// # Errors
+    /// [`Error::Weights`] names the first defect, or says that the network sees samples.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, Error> {
+        match Weights::from_bytes(bytes)? {
+            Weights::Window(network) => Ok(network),
+            Weights::Samples(_) => Err(Error::Weights(
+                "it sees samples (metadata 'inputs'), not a window of terms: it can only be an \
+                 expert of the guard"
+                    .into(),
+            )),
+        }
     }
-    Ok(metadata)
+
+    /// Reads a network from a safetensors file.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the file cannot be read, and those of [`Self::from_bytes`].
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        Self::from_bytes(&std::fs::read(path)?)
+    }
+}
+
+impl SampleNetwork {
+    /// Reads a network from the bytes of a safetensors file.
+    ///
+    /// # Errors
+    /// [`Error::Weights`] names the first defect, or says that the network reads terms.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, Error> {
+        match Weights::from_bytes(bytes)? {
+            Weights::Samples(network) => Ok(network),
+            Weights::Window(_) => Err(Error::Weights(
+                "it reads a window of terms (metadata 'inputs'), and sees no samples".into(),
+            )),
+        }
+    }
+
+    /// Reads a network from a safetensors file.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the file cannot be read, and those of [`Self::from_bytes`].
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        Self::from_bytes(&std::fs::read(path)?)
+    }
 }
 
 /// The metadata of a file, with errors that name the key.
 struct Fields<'a>(&'a HashMap<String, String>);
 
 impl Fields<'_> {
+    /// What the header says about a network with this window, or this number of inputs.
+    fn metadata(&self, window: usize) -> Result<Metadata, Error> {
+        let trained_on = self.get("trained_on")?.split(',').map(|s| s.trim().to_owned()).collect();
+        let metadata = Metadata {
+            window,
+            negative_slope: self.number("negative_slope")?,
+            trained_on,
+            samples: self.range("samples")?,
+            sampler: self.get("sampler").ok().map(str::to_owned),
+            loss: self.get("loss")?.to_owned(),
+            epochs: self.number("epochs")?,
+            seed: self.number("seed")?,
+            config: self.get("config")?.to_owned(),
+        };
+        if !metadata.negative_slope.is_finite() {
+            return Err(Error::Weights("metadata 'negative_slope' is not finite".into()));
+        }
+        Ok(metadata)
+    }
+
+    /// What it says about a network that sees samples.
+    fn form(&self) -> Result<SampleForm, Error> {
+        let powers = self.get("powers")?.split(',').map(str::parse).collect::<Result<_, _>>();
+        let powers =
+            powers.map_err(|error| Error::Weights(format!("metadata 'powers': {error}")))?;
+        Ok(SampleForm {
+            powers,
+            floor: self.number("floor")?,
+            scale_estimate: self.number("scale_estimate")?,
+            scale_unit: self.number("scale_unit")?,
+        })
+    }
+
     fn get(&self, key: &str) -> Result<&str, Error> {
         let value = self.0.get(key).map(String::as_str);
         value.ok_or_else(|| Error::Weights(format!("metadata '{key}' is missing")))
@@ -192,13 +286,16 @@ mod tests {
         (tensors, metadata.map(|(key, value)| (key.to_owned(), value.to_owned())).into())
     }
 
-    fn read(tensors: &Tensors, metadata: &HashMap<String, String>) -> Result<Network, Error> {
+    fn file(tensors: &Tensors, metadata: &HashMap<String, String>) -> Vec<u8> {
         let views = tensors.iter().map(|(name, (dtype, shape, bytes))| {
             let view = TensorView::new(*dtype, shape.clone(), bytes).expect("sizes match");
             (name.as_str(), view)
         });
-        let bytes = serialize(views, Some(metadata.clone())).expect("a safetensors file");
-        Network::from_bytes(&bytes)
+        serialize(views, Some(metadata.clone())).expect("a safetensors file")
+    }
+
+    fn read(tensors: &Tensors, metadata: &HashMap<String, String>) -> Result<Network, Error> {
+        Network::from_bytes(&file(tensors, metadata))
     }
 
     #[test]
@@ -231,10 +328,11 @@ mod tests {
         fn set(metadata: &mut HashMap<String, String>, key: &str, value: &str) {
             metadata.insert(key.to_owned(), value.to_owned());
         }
-        let cases: [(&str, Damage); 18] = [
+        let cases: [(&str, Damage); 19] = [
             ("'format'", |_, m| set(m, "format", "nst-weights-9")),
             ("'kind'", |_, m| set(m, "kind", "lstm")),
-            ("'inputs'", |_, m| set(m, "inputs", "samples")),
+            ("'inputs'", |_, m| set(m, "inputs", "pixels")),
+            ("'powers'", |_, m| set(m, "inputs", "samples")),
             ("'activation'", |_, m| set(m, "activation", "tanh")),
             ("'trained_on'", |_, m| drop(m.remove("trained_on"))),
             ("'samples'", |_, m| set(m, "samples", "64..8")),
@@ -259,6 +357,63 @@ mod tests {
             damage(&mut tensors, &mut metadata);
             let error = read(&tensors, &metadata).expect_err(word).to_string();
             assert!(error.contains(word), "'{word}' is not in: {error}");
+        }
+    }
+
+    /// A correct file of a network that sees samples.
+    fn parts_of_samples() -> (Tensors, HashMap<String, String>) {
+        let (tensors, mut metadata) = parts();
+        metadata.remove("window");
+        for (key, value) in [
+            ("inputs", "samples"),
+            ("powers", "1"),
+            ("floor", "0.001"),
+            ("scale_estimate", "0"),
+            ("scale_unit", "1.0"),
+        ] {
+            metadata.insert(key.to_owned(), value.to_owned());
+        }
+        (tensors, metadata)
+    }
+
+    #[test]
+    fn networks_that_see_samples() {
+        let bytes = |(tensors, metadata)| file(&tensors, &metadata);
+        let network = SampleNetwork::from_bytes(&bytes(parts_of_samples())).expect("a network");
+        assert_eq!((network.layers().shape(), network.metadata().window), ("3-5-1".into(), 3));
+        assert_eq!(network.form().powers, [crate::Power::ONE]);
+        // Each kind refuses the other, and says why.
+        let error = Network::from_bytes(&bytes(parts_of_samples())).expect_err("samples");
+        assert!(error.to_string().contains("it sees samples"), "{error}");
+        let error = SampleNetwork::from_bytes(&bytes(parts())).expect_err("a window");
+        assert!(error.to_string().contains("window of terms"), "{error}");
+
+        for (word, key, value) in [
+            ("'powers': '3' is not", "powers", "3"),
+            ("'powers': '' is not", "powers", ""),
+            ("'powers': 'x' is not", "powers", "1,x"),
+            ("'powers' must be ascending", "powers", "2"),
+            ("'powers' must be ascending", "powers", "2,1"),
+            ("'powers' must be ascending", "powers", "1,1"),
+            ("but 4 values reach it", "powers", "1,2"),
+            ("'floor' must be above 0", "floor", "0"),
+            ("'floor' must be above 0", "floor", "inf"),
+            ("'floor' is 'x'", "floor", "x"),
+            ("'scale_estimate' must be at least 0", "scale_estimate", "-1"),
+            ("'scale_unit' must be at least 0", "scale_unit", "NaN"),
+            ("'scale_unit' must be at least 0", "scale_unit", "0"),
+            ("'samples' must begin with 1", "samples", "0..8"),
+        ] {
+            let (tensors, mut metadata) = parts_of_samples();
+            metadata.insert(key.to_owned(), value.to_owned());
+            let error = Weights::from_bytes(&file(&tensors, &metadata)).expect_err(word);
+            assert!(error.to_string().contains(word), "'{word}' is not in: {error}");
+        }
+        for key in ["powers", "floor", "scale_estimate", "scale_unit", "samples"] {
+            let (tensors, mut metadata) = parts_of_samples();
+            metadata.remove(key);
+            let error = Weights::from_bytes(&file(&tensors, &metadata)).expect_err(key);
+            assert!(error.to_string().contains(&format!("'{key}' is missing")), "{error}");
         }
     }
 }

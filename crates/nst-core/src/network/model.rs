@@ -34,7 +34,8 @@ impl Layer {
 /// What a weights file says about its network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Metadata {
-    /// How many consecutive terms the network reads.
+    /// How many consecutive terms the network reads; of a
+    /// [`SampleNetwork`](super::SampleNetwork), how many inputs it has.
     pub window: usize,
     /// The slope of the leaky ReLU for negative arguments.
     pub negative_slope: f32,

@@ -5,8 +5,12 @@ use std::collections::BTreeMap;
 use ndarray::{Array2, ArrayView2, s};
 use rayon::prelude::*;
 
-use super::{Extent, Grid, LANES_PER_BLOCK, LaneSums, Side};
+use super::{Extent, FOLDS, Grid, LaneSums, Power, PowerSums, Side};
 use crate::Error;
+
+/// Without a grid, all strips but the last end at multiples of this many lanes: the lanes
+/// whose sum is one task of the thread pool.
+pub const LANES_PER_BLOCK: usize = 4096;
 
 /// Progressive estimates of many independent integrals.
 ///
@@ -69,6 +73,19 @@ impl SequenceBatch {
     /// # Errors
     /// [`Error::Batch`] if `samples` is empty or no multiple of `lanes`.
     pub fn from_samples(lanes: usize, samples: &[f32]) -> Result<Self, Error> {
+        Self::from_samples_with(lanes, samples, &[])
+    }
+
+    /// The same with the means of further powers of the samples, which networks that see
+    /// samples may [need](crate::guard::Expert::powers).
+    ///
+    /// # Errors
+    /// As [`Self::from_samples`].
+    pub fn from_samples_with(
+        lanes: usize,
+        samples: &[f32],
+        powers: &[Power],
+    ) -> Result<Self, Error> {
         if lanes == 0 || samples.is_empty() || !samples.len().is_multiple_of(lanes) {
             return Err(Error::Batch(format!("{} samples for {lanes} lanes", samples.len())));
         }
@@ -76,10 +93,12 @@ impl SequenceBatch {
         let last = u32::try_from(rows)
             .map_err(|_| Error::Batch(format!("{rows} samples of each lane are too many")))?;
         let mut sums = vec![LaneSums::default(); lanes];
+        let mut further = PowerSums::new(powers, lanes);
         let mut terms = Vec::with_capacity(samples.len());
         for (index, row) in (0..last).zip(samples.chunks_exact(lanes)) {
-            for (sums, sample) in sums.iter_mut().zip(row) {
+            for (lane, (sums, sample)) in sums.iter_mut().zip(row).enumerate() {
                 sums.add(index, f64::from(*sample));
+                further.add(lane, index, f64::from(*sample));
                 terms.push((sums.total() / f64::from(index + 1)) as f32);
             }
         }
@@ -87,6 +106,7 @@ impl SequenceBatch {
             .map_err(|error| Error::Batch(error.to_string()))?;
         let mut batch = Self::new(terms, (1..=last).collect())?;
         batch.set_sums(&sums, last)?;
+        batch.set_power_sums(&further, last)?;
         Ok(batch)
     }
 
@@ -103,6 +123,19 @@ impl SequenceBatch {
                 .zip(sums.par_chunks(LANES_PER_BLOCK))
                 .for_each(|(values, sums)| LaneSums::write_side(sums, side, n, values));
             self.set_side(side.clone(), values)?;
+        }
+        Ok(())
+    }
+
+    /// Sets the power means of the folds of n samples of each lane if n ≥ 4.
+    ///
+    /// # Errors
+    /// [`Error::Batch`] if there is another number of lanes.
+    pub fn set_power_sums(&mut self, sums: &PowerSums, n: u32) -> Result<(), Error> {
+        for (index, &power) in sums.powers().iter().enumerate().filter(|_| n as usize >= FOLDS) {
+            for (fold, side) in Side::power_means(power).into_iter().enumerate() {
+                self.set_side(side, sums.means(index, fold, n))?;
+            }
         }
         Ok(())
     }

@@ -3,17 +3,21 @@
 mod batch;
 mod grid;
 mod keep;
+mod power;
+mod power_sums;
 mod side;
 mod strips;
 mod sums;
 
-pub use batch::SequenceBatch;
+pub use batch::{LANES_PER_BLOCK, SequenceBatch};
 pub use grid::Grid;
 pub use keep::Keep;
-pub use side::{Extent, Merging, Side};
+pub use power::{Power, root};
+pub use power_sums::PowerSums;
+pub use side::{Extent, FOLDS, Merging, Side, fold_count};
 pub(crate) use strips::sum_in_order;
-pub use strips::{LANES_PER_BLOCK, Strips, Whole};
-pub use sums::{FOLDS, LaneSums, fold_count, root};
+pub use strips::{Strips, Whole};
+pub use sums::LaneSums;
 
 #[cfg(test)]
 pub(crate) use strips::tests;

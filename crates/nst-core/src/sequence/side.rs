@@ -2,7 +2,17 @@
 
 use std::{convert::Infallible, fmt, str::FromStr};
 
-use super::FOLDS;
+use super::Power;
+
+/// How many folds the samples of a lane are split into: sample i belongs to fold i mod 4.
+/// Files of sequences store this number of folds.
+pub const FOLDS: usize = 4;
+
+/// How many of a lane's n samples are in a fold, a number below [`FOLDS`].
+#[must_use]
+pub fn fold_count(fold: usize, n: u32) -> f64 {
+    (n as usize).saturating_sub(fold).div_ceil(FOLDS) as f64
+}
 
 /// A side channel: one further number of each lane or pixel. Everything that depends on its
 /// kind is defined here.
@@ -14,6 +24,9 @@ pub enum Side {
     Root(u8),
     /// The mean of the squares of a fold's samples: `square0` … `square3`.
     Square(u8),
+    /// The [power mean](Power) of a fold's samples, for a power that is not one of those above:
+    /// `power4fold0`, for 1/4 `root4fold0`. Most batches have none.
+    PowerMean(Power, u8),
     /// The estimated variance of S_N: `Variance`.
     Variance,
     /// How many samples of a pixel were left out because they were not finite: `Skipped`.
@@ -36,6 +49,8 @@ pub enum Extent {
 pub enum Merging {
     /// Their mean, weighted as the sequences are: Σ w x.
     Mean,
+    /// Their power mean, weighted as the sequences are: (Σ w x^p)^(1/p).
+    PowerMean(Power),
     /// The variance of a weighted mean: Σ w² x.
     VarianceOfMean,
     /// Their sum.
@@ -80,12 +95,21 @@ impl Side {
     /// Whether it is a mean over a fold.
     #[must_use]
     pub fn is_of_fold(&self) -> bool {
-        matches!(self, Self::Fold(_) | Self::Root(_) | Self::Square(_))
+        matches!(self, Self::Fold(_) | Self::Root(_) | Self::Square(_) | Self::PowerMean(..))
+    }
+
+    /// The four folds' power means of a power that [every batch with folds](Power::is_usual)
+    /// does not have.
+    #[must_use]
+    pub fn power_means(power: Power) -> [Self; FOLDS] {
+        std::array::from_fn(|fold| Self::PowerMean(power, fold as u8))
     }
 
     /// All that have a name of their own.
-    fn known() -> impl Iterator<Item = &'static Self> {
-        Self::EVERY_OF_FOLDS.iter().chain(&[Self::Variance, Self::Skipped])
+    fn known() -> impl Iterator<Item = Self> {
+        let further = Power::all().filter(|power| !power.is_usual());
+        let all = Self::EVERY_OF_FOLDS.iter().chain(&[Self::Variance, Self::Skipped]).cloned();
+        all.chain(further.flat_map(Self::power_means))
     }
 
     /// What it has one number for.
@@ -102,6 +126,7 @@ impl Side {
     pub fn merging(&self) -> Merging {
         match self {
             Self::Fold(_) | Self::Root(_) | Self::Square(_) => Merging::Mean,
+            Self::PowerMean(power, _) => Merging::PowerMean(*power),
             Self::Variance => Merging::VarianceOfMean,
             Self::Skipped => Merging::Sum,
             Self::Other(_) => Merging::Refuse,
@@ -115,6 +140,10 @@ impl fmt::Display for Side {
             Self::Fold(fold) => write!(f, "fold{fold}"),
             Self::Root(fold) => write!(f, "root{fold}"),
             Self::Square(fold) => write!(f, "square{fold}"),
+            Self::PowerMean(power, fold) if power.value() < 1.0 => {
+                write!(f, "root{}fold{fold}", power.value().recip())
+            }
+            Self::PowerMean(power, fold) => write!(f, "power{power}fold{fold}"),
             Self::Variance => f.write_str("Variance"),
             Self::Skipped => f.write_str("Skipped"),
             Self::Other(name) => f.write_str(name),
@@ -128,7 +157,7 @@ impl FromStr for Side {
     /// The side channel of a name; an unknown name gives [`Side::Other`].
     fn from_str(name: &str) -> Result<Self, Infallible> {
         let mut known = Self::known().filter(|side| side.to_string() == name);
-        Ok(known.next().cloned().unwrap_or_else(|| Self::Other(name.to_owned())))
+        Ok(known.next().unwrap_or_else(|| Self::Other(name.to_owned())))
     }
 }
 
@@ -139,10 +168,13 @@ mod tests {
     #[test]
     fn names_are_read_as_they_are_written() {
         let other = Side::Other("fold4".into());
-        for side in Side::known().cloned().chain([other]) {
+        for side in Side::known().chain([other]) {
             assert_eq!(side.to_string().parse(), Ok(side));
         }
         assert_eq!("fold2".parse(), Ok(Side::Fold(2)));
+        let eighth = Power::of_value(0.125).expect("a power of two");
+        assert_eq!("root8fold3".parse(), Ok(Side::PowerMean(eighth, 3)));
+        assert_eq!("root2fold3".parse(), Ok(Side::Other("root2fold3".into())), "that is root3");
         assert_eq!("fold02".parse(), Ok(Side::Other("fold02".into())));
     }
 }

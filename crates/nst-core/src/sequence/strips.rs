@@ -4,12 +4,8 @@ use std::{borrow::Cow, ops::Range};
 
 use rayon::prelude::*;
 
-use super::SequenceBatch;
+use super::{LANES_PER_BLOCK, SequenceBatch};
 use crate::Error;
-
-/// Without a grid, all strips but the last end at multiples of this many lanes: the lanes
-/// whose sum is one task of the thread pool.
-pub const LANES_PER_BLOCK: usize = 4096;
 
 /// A batch that is read strip after strip, as often as needed.
 ///

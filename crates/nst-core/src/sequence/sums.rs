@@ -1,10 +1,6 @@
 //! The sums of a lane's samples, from which its sequence can be continued.
 
-use super::Side;
-
-/// How many folds the samples of a lane are split into: sample i belongs to fold i mod 4.
-/// Files of sequences store this number of folds.
-pub const FOLDS: usize = 4;
+use super::{FOLDS, Side, fold_count, root};
 
 /// What is kept of all samples y of a lane.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -76,27 +72,13 @@ impl LaneSums {
             Side::Variance => {
                 out.iter_mut().zip(lanes).for_each(|(out, lane)| *out = lane.variance(n));
             }
-            Side::Skipped | Side::Other(_) => {}
+            Side::PowerMean(..) | Side::Skipped | Side::Other(_) => {}
         }
     }
 }
 
 fn sum([a, b, c, d]: [f64; FOLDS]) -> f64 {
     a + b + c + d
-}
-
-/// √y, and −√−y for a negative y. As the second moment of √y is Σ|y|, two sums give both the
-/// mean and the variance of samples that are closer to normal than y.
-#[inline]
-#[must_use]
-pub fn root(y: f64) -> f64 {
-    y.abs().sqrt().copysign(y)
-}
-
-/// How many of a lane's n samples are in a fold, a number below [`FOLDS`].
-#[must_use]
-pub fn fold_count(fold: usize, n: u32) -> f64 {
-    (n as usize).saturating_sub(fold).div_ceil(FOLDS) as f64
 }
 
 #[cfg(test)]

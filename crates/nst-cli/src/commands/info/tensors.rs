@@ -2,7 +2,7 @@
 
 use std::{fmt, path::Path};
 
-use nst_core::Network;
+use nst_core::Weights;
 use nst_files::dataset::DatasetInfo;
 use serde::Serialize;
 
@@ -16,7 +16,12 @@ use crate::{
 pub(super) struct WeightsInfo {
     shape: String,
     parameters: usize,
-    window: usize,
+    /// How many of the last terms it reads, if it reads terms.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    window: Option<usize>,
+    /// The powers of the samples whose means it reads, if it sees samples.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    powers: Option<Vec<f64>>,
     trained_on: Vec<String>,
     samples: [u32; 2],
     sampler: Option<String>,
@@ -28,14 +33,22 @@ pub(super) struct WeightsInfo {
 
 impl WeightsInfo {
     pub(super) fn read(path: &Path) -> Result<Self, Error> {
-        let network = Network::read(path)
+        let weights = Weights::read(path)
             .map_err(|source| Error::Weights { path: path.to_owned(), source })?;
+        let network = weights.layers();
+        let (window, powers) = match &weights {
+            Weights::Window(network) => (Some(network.metadata().window), None),
+            Weights::Samples(network) => {
+                (None, Some(network.form().powers.iter().map(|power| power.value()).collect()))
+            }
+        };
         let metadata = network.metadata();
         let of_layers = network.layers().iter().map(|layer| layer.weight.len() + layer.bias.len());
         Ok(Self {
             shape: network.shape(),
             parameters: of_layers.sum(),
-            window: metadata.window,
+            window,
+            powers,
             trained_on: metadata.trained_on.clone(),
             samples: [metadata.samples.0, metadata.samples.1],
             sampler: metadata.sampler.clone(),
@@ -53,12 +66,16 @@ impl fmt::Display for WeightsInfo {
         let widths = shape.replace('-', ", ");
         writeln!(f, "weights of a network, {}", counted(*parameters, "parameter"))?;
         writeln!(f, "layers      {widths} wide, from the input to the output")?;
-        writeln!(f, "reads       the last {}", counted(self.window, "term"))?;
-        writeln!(
-            f,
-            "trained on  {}, {first} to {last} samples per pixel",
-            self.trained_on.join(", ")
-        )?;
+        let mut unit = " per pixel";
+        if let Some(window) = self.window {
+            writeln!(f, "reads       the last {}", counted(window, "term"))?;
+        }
+        if let Some(powers) = &self.powers {
+            unit = "";
+            let powers: Vec<_> = powers.iter().map(f64::to_string).collect();
+            writeln!(f, "reads       means of the samples to the power {}", powers.join(", "))?;
+        }
+        writeln!(f, "trained on  {}, {first} to {last} samples{unit}", self.trained_on.join(", "))?;
         let Self { loss, epochs, seed, .. } = self;
         writeln!(f, "training    loss {loss}, {}, seed {seed}", counted(*epochs as usize, "epoch"))
     }

@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use nst_core::{Estimates, SequenceBatch, Side};
+use nst_core::{Estimates, Fitted, SequenceBatch, Side};
 use nst_files::{
     ColorModel,
     output::{Kind, Name, OutputFile, Outputs},
@@ -145,14 +145,16 @@ impl Job<'_> {
             .into_iter()
             .for_each(|path| written.push(path));
         let samples = rendering.samples();
-        let finish = |it: Estimator<'_, _>| caught(|| it.finish(&rendering));
-        let transformed = timed(&mut watch.transform, || estimator.and_then(finish));
+        let transformed = timed(&mut watch.transform, || {
+            estimator.and_then(|it| caught(|| it.finish(&rendering)))
+        });
+        let fitted = transformed.map(|fitted| estimated.complete(&*fitted));
         let seconds = spent + rendering.time.as_secs_f32();
-        let judgement = transformed.as_ref().ok().and_then(Option::as_ref);
+        let shown = fitted.is_ok().then_some(&estimated);
+        let judgement = shown.and_then(|it| it.outcome.judgement.as_ref());
         let info = header(samples, Some(seconds), judgement);
-        let shown = transformed.is_ok().then_some(&estimated);
         written.extend(timed(&mut watch.io, || write(&rendering, picture, shown, &info))?);
-        let judgement = transformed.map_err(|why| {
+        fitted.map_err(|why| {
             let saved = format!("{} show the plain estimates", written.join(", "));
             Error::Transform { why: why.to_string(), saved }
         })?;
@@ -166,7 +168,7 @@ impl Job<'_> {
         let report = watch.summary(
             Some(stats),
             &method,
-            estimated.outcome.with(judgement),
+            estimated.outcome,
             written,
             (notes, scene.notes.len()),
         );
@@ -256,6 +258,8 @@ fn rows(strip: &SequenceBatch) -> Range<usize> {
 struct Estimated {
     /// Planar lanes of the whole picture.
     values: Vec<f32>,
+    /// Their errors, in the same way; empty if the method estimates none.
+    errors: Vec<f32>,
     pixels: usize,
     width: usize,
     outcome: Outcome,
@@ -266,23 +270,38 @@ impl Estimated {
     fn new([width, height]: [u32; 2]) -> Self {
         let (width, pixels) = (width as usize, width as usize * height as usize);
         let values = vec![0.0; pixels * ColorModel::Rgb.channels().len()];
-        Self { values, pixels, width, outcome: Outcome::default() }
+        Self { values, errors: Vec::new(), pixels, width, outcome: Outcome::default() }
     }
 
     /// Takes the estimates of some rows.
     fn put(&mut self, rows: Range<usize>, estimates: &Estimates) {
+        if !estimates.errors().is_empty() {
+            self.errors.resize(self.values.len(), 0.0);
+        }
         let place = rows.start * self.width..rows.end * self.width;
-        let planes = self.values.chunks_exact_mut(self.pixels);
-        for (plane, rows) in planes.zip(estimates.values().chunks_exact(place.len())) {
-            plane[place.clone()].copy_from_slice(rows);
+        let pictures =
+            [(&mut self.values, estimates.values()), (&mut self.errors, estimates.errors())];
+        for (picture, rows) in pictures {
+            let planes = picture.chunks_exact_mut(self.pixels);
+            for (plane, rows) in planes.zip(rows.chunks_exact(place.len())) {
+                plane[place.clone()].copy_from_slice(rows);
+            }
         }
         self.outcome.add(estimates);
     }
 
-    /// The estimates of some rows.
-    fn get(&self, rows: Range<usize>) -> Vec<f32> {
+    /// Takes what the method says of all rows.
+    fn complete(&mut self, fitted: &dyn Fitted) {
+        if fitted.estimates_errors() {
+            self.errors.resize(self.values.len(), 0.0);
+        }
+        self.outcome.judgement = fitted.judgement().cloned();
+    }
+
+    /// Some rows of the estimates, or of their errors.
+    fn get(&self, picture: &[f32], rows: Range<usize>) -> Vec<f32> {
         let place = rows.start * self.width..rows.end * self.width;
-        let planes = self.values.chunks_exact(self.pixels);
+        let planes = picture.chunks_exact(self.pixels);
         planes.flat_map(|plane| &plane[place.clone()]).copied().collect()
     }
 }
@@ -296,12 +315,16 @@ fn write(
     info: &PictureInfo,
 ) -> Result<Vec<String>, Error> {
     let sides = rendering.sides();
-    let mut picture = files.begin(rendering.size(), ColorModel::Rgb, &sides, info)?;
+    let with_errors = estimated.filter(|it| !it.errors.is_empty());
+    let errors = with_errors.is_some();
+    let mut picture = files.begin(rendering.size(), ColorModel::Rgb, &sides, errors, info)?;
     let mut strips = rendering.strips().with_sides(&[Side::Variance]);
     while let Some(strip) = strips.next_rows() {
         let plain = || Cow::Borrowed(strip.last());
-        let values = estimated.map_or_else(plain, |it| Cow::Owned(it.get(rows(&strip))));
-        picture.push(&strip, &values)?;
+        let of_rows = rows(&strip);
+        let errors = with_errors.map(|it| it.get(&it.errors, of_rows.clone()));
+        let values = estimated.map_or_else(plain, |it| it.get(&it.values, of_rows).into());
+        picture.push(&strip, &values, errors.as_deref())?;
     }
     picture.finish()?;
     files.commit()

@@ -7,7 +7,12 @@ mod simulate;
 
 use std::{fmt, io::Write, time::Instant};
 
-use nst_core::{Estimates, SequenceBatch, Status, methods::METHODS, random::SplitMix64};
+use nst_core::{
+    Estimates, SampleMlp, SampleNetwork, SequenceBatch, Status,
+    guard::{Expert, Guard},
+    methods::METHODS,
+    random::SplitMix64,
+};
 use nst_files::output::{Kind, Name, OutputFile, Outputs, commit};
 use serde::{Serialize, Serializer};
 
@@ -139,23 +144,54 @@ fn write_csv(output: &mut OutputFile, rows: &[Row]) -> Result<(), csv::Error> {
 /// One built-in network trained on a scene, and one on integrals.
 const NETWORKS: [&str; 2] = ["cornell", "families"];
 
-fn rows(effort: &Effort) -> Result<Vec<Row>, Error> {
+/// The guard over the networks that see samples.
+const GUARDED: &str = "guard-samples";
+
+/// The one of them whose last layer is fitted again to each batch.
+const REFITTED: &str = "families-samples";
+
+/// Regimes whose folds depend on each other, as those of this sampler do.
+const NESTED: [&str; 2] = ["halton", "halton-random"];
+const NESTED_SAMPLER: &str = "halton";
+
+/// All methods, for samples of this sampler.
+fn methods(sampler: &str) -> Result<Vec<Method>, Error> {
     let networks = NETWORKS.iter().map(|&name| TransformArg::Builtin(name));
     let methods = METHODS.iter().filter_map(|(name, _)| TransformArg::named(name));
-    let methods = [TransformArg::None]
-        .into_iter()
-        .chain(methods)
-        .chain(networks)
-        .map(|transform| Method::named(transform, BackendArg::Cpu))
-        .collect::<Result<Vec<_>, _>>()?;
+    let methods = [TransformArg::None].into_iter().chain(methods).chain(networks);
+    let method = |transform| match transform {
+        TransformArg::Auto => Method::auto(&[], sampler),
+        other => Method::named(other, BackendArg::Cpu),
+    };
+    methods.map(method).chain([guarded(sampler)]).collect()
+}
 
+fn guarded(sampler: &str) -> Result<Method, Error> {
+    let expert = |name: &'static str| -> Result<Box<dyn Expert>, Error> {
+        let network = SampleNetwork::builtin(name);
+        let network = network.unwrap_or_else(|| unreachable!("it is one of the list"))?;
+        let mlp = SampleMlp::new(name, network);
+        Ok(Box::new(if name == REFITTED { mlp.with_refit() } else { mlp }))
+    };
+    let auto = Method::auto(&[], sampler)?;
+    let name = GUARDED.to_owned();
+    if sampler == NESTED_SAMPLER {
+        return Ok(Method { name, ..auto });
+    }
+    let experts = SampleNetwork::builtins().map(expert).collect::<Result<_, _>>()?;
+    Ok(Method { name, transform: Box::new(Guard::new(experts)?), ..auto })
+}
+
+fn rows(effort: &Effort) -> Result<Vec<Row>, Error> {
+    let [independent, nested] = [methods("")?, methods(NESTED_SAMPLER)?];
     let sample = cost_sample(effort.cost_lanes);
-    let costs = methods
+    let costs = independent
         .iter()
         .map(|method| nanoseconds_per_lane(method, &sample.batch))
         .collect::<Result<Vec<_>, _>>()?;
     let mut rows = Vec::new();
     for regime in REGIMES {
+        let methods = if NESTED.contains(&regime.name) { &nested } else { &independent };
         let far = effort.far.filter(|_| regime.far);
         let counts = effort.sample_counts.iter().map(|&n| (n, effort.runs)).chain(far);
         for (n, runs) in counts {
@@ -265,7 +301,7 @@ mod tests {
     #[test]
     fn no_result_is_not_finite_without_need() {
         let rows = short();
-        assert_eq!(rows.len(), REGIMES.len() * 2 * (1 + METHODS.len() + NETWORKS.len()));
+        assert_eq!(rows.len(), REGIMES.len() * 2 * (2 + METHODS.len() + NETWORKS.len()));
         assert!(rows.iter().all(|row| row.nonfinite == 0));
         assert!(rows.iter().filter(|row| row.method == "none").all(|row| row.mse_ratio == 1.0));
         let names: std::collections::BTreeSet<_> = REGIMES.iter().map(|r| r.name).collect();

@@ -129,6 +129,45 @@ pub(super) const REGIMES: &[Regime] = &[
         far: false,
     },
     Regime {
+        name: "mixed-scales",
+        what: "The Gaussians; one lane in three a quarter, one in three four times of what they are.",
+        why: "What a lane is worth no longer follows from its size beside the others. Networks take a \
+              bright lane for a narrow Gaussian; what is learnt from the batch does not.",
+        make: |n, runs| {
+            scaled(Family::Gaussian, &window(n), runs, |lane| {
+                4.0_f64.powi((lane / COUNT % 3) as i32 - 1)
+            })
+        },
+        far: false,
+    },
+    Regime {
+        name: "quarter",
+        what: "The Gaussians, a quarter of what they are.",
+        why: "For methods without a unit they are the same as before.",
+        make: |n, runs| scaled(Family::Gaussian, &window(n), runs, |_| 0.25),
+        far: false,
+    },
+    Regime {
+        name: "four-times",
+        what: "The Gaussians, four times of what they are.",
+        why: "As before.",
+        make: |n, runs| scaled(Family::Gaussian, &window(n), runs, |_| 4.0),
+        far: false,
+    },
+    Regime {
+        name: "powers",
+        what: "h x^q on [0, 1] with q = 1, 3, 8 and h = 1/2, 1, 2: a family that no network has seen.",
+        why: "Networks take them for what they know, and are wrong by as much at any n.",
+        make: |n, runs| {
+            simulate(&window(n), COUNT * runs, 8, |lane, _| {
+                let (q, h) = ([1, 3, 8][lane % 3], [0.5, 1.0, 2.0][lane / 3 % 3]);
+                let sample = move |_: u32, rng: &mut SplitMix64| h * rng.uniform().powi(q);
+                (h / f64::from(q + 1), sample)
+            })
+        },
+        far: false,
+    },
+    Regime {
         name: "offset-1e4",
         what: "The Gaussians plus 10⁴: in f32, terms are multiples of 0.00098.",
         why: "Differences of terms have lost most of their digits, and windows with equal neighbours \
@@ -210,7 +249,8 @@ pub(super) const REGIMES: &[Regime] = &[
         why: "S converges nearly as 1/n, and its steps are no noise that could be averaged. Sample i \
               mod 4 fixes the two leading bits of x, so that each fold sees a quarter of the \
               interval: fold means are no estimates of I, and every method that uses them as \
-              estimates fails. (nst render --sampler halton-folds has independent ones.)",
+              estimates fails. `auto` knows the sampler, and keeps S. (nst render --sampler \
+              halton-folds has independent ones.)",
         make: |n, _| halton(n, 1, |_| 0),
         far: false,
     },
@@ -292,6 +332,16 @@ fn family(family: Family, counts: &[u32], runs: usize, map: fn(f64) -> f64) -> C
         let integrand = family.integrand(lane % COUNT);
         (map(integrand.integral()), move |_: u32, rng: &mut SplitMix64| {
             map(integrand.at(rng.uniform()))
+        })
+    })
+}
+
+/// The same, times a factor of each lane.
+fn scaled(family: Family, counts: &[u32], runs: usize, factor: fn(usize) -> f64) -> Case {
+    simulate(counts, COUNT * runs, 1, |lane, _| {
+        let (integrand, factor) = (family.integrand(lane % COUNT), factor(lane));
+        (factor * integrand.integral(), move |_: u32, rng: &mut SplitMix64| {
+            factor * integrand.at(rng.uniform())
         })
     })
 }

@@ -1,7 +1,7 @@
 //! Running means of simulated samples.
 
 use ndarray::Array2;
-use nst_core::{LaneSums, SequenceBatch, random::SplitMix64};
+use nst_core::{LaneSums, Power, PowerSums, SequenceBatch, random::SplitMix64};
 use rayon::prelude::*;
 
 /// Sequences whose limits are known.
@@ -11,8 +11,8 @@ pub(super) struct Case {
     pub(super) limits: Vec<f64>,
 }
 
-/// Running means with the given sample counts, and the means of the folds, where
-/// sample i belongs to fold i mod 4.
+/// Running means with the given sample counts, and the means of the folds and of all powers,
+/// where sample i belongs to fold i mod 4.
 ///
 /// `lane` returns the limit of a lane and its samples, as a function of their index
 /// and of the lane's own random numbers. Sums are in f64, as in a rendering.
@@ -23,28 +23,34 @@ pub(super) fn simulate<F: FnMut(u32, &mut SplitMix64) -> f64>(
     lane: impl Fn(usize, &mut SplitMix64) -> (f64, F) + Sync,
 ) -> Case {
     let last = counts[counts.len() - 1];
+    let all_powers: Vec<_> = Power::all().collect();
     let recorded: Vec<_> = (0..lanes)
         .into_par_iter()
         .map(|index| {
             let mut rng = SplitMix64::of_stream(seed, index as u64);
             let (limit, mut sample) = lane(index, &mut rng);
             let (mut sum, mut sums) = (0.0, LaneSums::default());
+            let mut powers = PowerSums::new(&all_powers, 1);
             let mut terms = Vec::with_capacity(counts.len());
             for i in 0..last {
                 let value = sample(i, &mut rng);
                 sum += value;
                 sums.add(i, value);
+                powers.add(0, i, value);
                 if counts[terms.len()] == i + 1 {
                     terms.push((sum / f64::from(i + 1)) as f32);
                 }
             }
-            (limit, terms, sums)
+            (limit, terms, sums, powers)
         })
         .collect();
     let terms = Array2::from_shape_fn((counts.len(), lanes), |(k, lane)| recorded[lane].1[k]);
     let mut batch = batch(terms, counts);
-    let sums: Vec<_> = recorded.iter().map(|(.., sums)| *sums).collect();
+    let sums: Vec<_> = recorded.iter().map(|(_, _, sums, _)| *sums).collect();
     batch.set_sums(&sums, last).expect("sums of each lane");
+    let mut powers = PowerSums::new(&all_powers, 0);
+    recorded.iter().for_each(|(.., of_lane)| powers.append(of_lane));
+    batch.set_power_sums(&powers, last).expect("sums of each lane");
     Case { batch, limits: recorded.iter().map(|&(limit, ..)| limit).collect() }
 }
 
