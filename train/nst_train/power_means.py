@@ -6,8 +6,8 @@ Of the n samples y_i of a lane, in whatever order, sums are kept, from which com
     M_p = |m_p|^(1/p)
 
 m_1 is the plain estimate S. Powers are powers of two, so that roots and squares alone give φ_p and M_p, and
-so the same bits on every machine; ½, 1 and 2 are those whose means `nst` stores in every file. The *unit* u is the mean of |S| over all lanes of the batch. With a small
-number, `floor`, that stands for nothing,
+so the same bits on every machine; ½, 1 and 2 are those whose means `nst` stores in every file. The *unit* u
+is the mean of |S| over all lanes of the batch. With a small number, `floor`, that stands for nothing,
 
     L_p = log(M_p/u + floor)
 
@@ -31,7 +31,6 @@ from itertools import pairwise
 
 import torch
 from torch import Tensor
-
 
 POWERS = [2.0**exponent for exponent in range(-4, 5)]
 """Those that a network may have. At the ends, 1/16 and 16, f64 has room for samples up to 10^19."""

@@ -206,7 +206,13 @@ def test_round_trip(tmp_path: Path) -> None:
     assert torch.equal(transform(loaded, samples), transform(model, samples))
 
     tensors, _ = weights.load_tensors(path)
-    damages = [("powers", "0.5,1"), ("powers", "x"), ("powers", "0.125,2,0.5,1,4,8"), ("powers", "0.125,0.25,0.5,1,2,3"), ("floor", "nan")]
+    damages = [
+        ("powers", "0.5,1"),
+        ("powers", "x"),
+        ("powers", "0.125,2,0.5,1,4,8"),
+        ("powers", "0.125,0.25,0.5,1,2,3"),
+        ("floor", "nan"),
+    ]
     for key, value in [*damages, ("scale_unit", "-1"), ("samples", "64..8"), ("samples", "8")]:
         weights.save_tensors(path, tensors, metadata | {key: value})
         with pytest.raises(UserError, match="do not fit"):

@@ -1,17 +1,19 @@
 //! Rows of a picture, made from what is recorded of its tiles: sequences and side channels.
 
-use std::ops::Range;
+use std::{collections::BTreeMap, ops::Range};
 
 use ndarray::Array2;
 use nst_core::{Grid, LaneSums, SequenceBatch, Side};
 use rayon::prelude::*;
 
 use crate::{
-    film::Skipped,
-    rendering::CHANNELS,
+    settings::CHANNELS,
     slots::Slots,
     tiles::{TILE, Tile},
 };
+
+/// How many samples of a pixel counted as black, by its index in the tile.
+pub(crate) type Skipped = BTreeMap<u32, u32>;
 
 /// What is recorded of a tile.
 pub(crate) struct TileView<'a> {

@@ -6,9 +6,9 @@ use nst_core::{Grid, LaneSums, Side};
 
 use crate::{
     Error,
-    develop::{Strip, TileView},
+    develop::{Skipped, Strip, TileView},
     memory,
-    rendering::{CHANNELS, RenderSettings, Start},
+    settings::{CHANNELS, RenderSettings, Start},
     slots::Slots,
     tiles::{self, Tile},
 };
@@ -29,9 +29,6 @@ pub(crate) struct Film {
     /// By tile: the pixels with samples that counted as black, and their number.
     skipped: Vec<Skipped>,
 }
-
-/// How many samples of a pixel counted as black, by its index in the tile.
-pub(crate) type Skipped = BTreeMap<u32, u32>;
 
 impl Film {
     /// An empty film for a picture of a size.

@@ -5,7 +5,7 @@ use nst_core::LaneSums;
 
 use crate::{
     Error,
-    rendering::{CHANNELS, RenderSettings},
+    settings::{CHANNELS, RenderSettings},
     slots::Slots,
 };
 

@@ -17,7 +17,8 @@ use crate::{
     camera::Projection,
     film::{Film, TileFilm},
     path::{PathTracer, Workspace},
-    rendering::{CHANNELS, RenderSettings, Rendering, Start},
+    rendering::Rendering,
+    settings::{CHANNELS, RenderSettings, Start},
     tiles::Tile,
 };
 

@@ -1,35 +1,10 @@
-//! What a rendering is asked, and what it gives.
+//! What a rendering gives.
 
 use std::{borrow::Cow, ops::Range, time::Duration};
 
-use nst_core::{Keep, LaneSums, SequenceBatch, Side, Strips};
+use nst_core::{LaneSums, SequenceBatch, Side, Strips};
 
-use crate::{SamplerKind, film::Film, tiles::TILE};
-
-/// Channels of a picture: R, G and B.
-pub(crate) const CHANNELS: usize = 3;
-
-/// How to render a scene.
-#[derive(Clone, Copy, Debug)]
-pub struct RenderSettings {
-    /// Samples per pixel, at least 1.
-    pub spp: u32,
-    /// The sampler: random numbers, or a Halton sequence.
-    pub sampler: SamplerKind,
-    /// Seed of the sampler; different seeds give independent renderings.
-    pub seed: u64,
-    /// The terms to keep.
-    pub keep: Keep,
-}
-
-/// What a rendering is continued from.
-#[derive(Clone, Debug)]
-pub struct Start {
-    /// The kept terms, and the number of samples that were not finite (where any was).
-    pub batch: SequenceBatch,
-    /// The sums of all samples, `[lane]`.
-    pub sums: Vec<LaneSums>,
-}
+use crate::{film::Film, tiles::TILE};
 
 /// What [`render()`](crate::render()) returns: sequences of three planar channels of lanes, in
 /// a grid. In memory are the kept terms, and the sums from which it can be continued; side
@@ -174,8 +149,10 @@ impl Strips for RenderingStrips<'_> {
 
 #[cfg(test)]
 mod tests {
+    use nst_core::Keep;
+
     use super::*;
-    use crate::{Scene, render};
+    use crate::{RenderSettings, SamplerKind, Scene, render};
 
     fn rendering(spp: u32, keep: Keep) -> Rendering {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
