@@ -17,9 +17,8 @@ fn both_ways_of_each_method_and_the_bands() {
         table.into_records().map(|row| row.expect("a row")).collect()
     };
     let rows = table("rows.csv");
-    let number = |row: &csv::StringRecord, column: usize| -> f64 {
-        row[column].parse().expect("a number")
-    };
+    let number =
+        |row: &csv::StringRecord, column: usize| -> f64 { row[column].parse().expect("a number") };
     let methods = rows.len() / 4;
     assert!((2..=3).contains(&methods) && rows.len() == 4 * methods, "{rows:?}");
     for (i, row) in rows.iter().enumerate() {

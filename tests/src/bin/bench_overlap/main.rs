@@ -200,7 +200,8 @@ fn print(methods: &[(String, Box<dyn Transform>)], rows: &[Row]) {
                 values.sort_by(f64::total_cmp);
                 values[values.len() / 2]
             };
-            let [traced, total] = [median(|row| row.traced_seconds), median(|row| row.total_seconds)];
+            let [traced, total] =
+                [median(|row| row.traced_seconds), median(|row| row.total_seconds)];
             let bands = median(|row| row.bands as f64);
             println!("{method:40} {overlap:8} {traced:9.3} {total:9.3} {bands:6}");
         }

@@ -266,15 +266,17 @@ struct Estimated {
 }
 
 impl Estimated {
-    /// Of no rows yet.
+    /// Of no rows yet. It takes memory from the first ones on: whether a picture fits is not
+    /// known before it is rendered.
     fn new([width, height]: [u32; 2]) -> Self {
-        let (width, pixels) = (width as usize, width as usize * height as usize);
-        let values = vec![0.0; pixels * ColorModel::Rgb.channels().len()];
-        Self { values, errors: Vec::new(), pixels, width, outcome: Outcome::default() }
+        let (width, pixels) = (width as usize, (width as usize).saturating_mul(height as usize));
+        let [values, errors] = [Vec::new(), Vec::new()];
+        Self { values, errors, pixels, width, outcome: Outcome::default() }
     }
 
     /// Takes the estimates of some rows.
     fn put(&mut self, rows: Range<usize>, estimates: &Estimates) {
+        self.values.resize(self.pixels * ColorModel::Rgb.channels().len(), 0.0);
         if !estimates.errors().is_empty() {
             self.errors.resize(self.values.len(), 0.0);
         }
