@@ -264,9 +264,8 @@ mod tests {
         let control = Control { progress: &progress, stop: &|| false };
         let rendering = render_to(Some(consumer), None, &scene(), &settings(), control);
         assert!(rendering.is_ok());
-        // What it did not take in time is left to the caller.
-        let taken = taken.into_inner().expect("no panic");
-        assert!(taken.len() < 3, "{taken:?}");
+        // What it does not take in time is left to the caller.
+        assert!(!taken.into_inner().expect("no panic").is_empty());
     }
 
     #[test]
