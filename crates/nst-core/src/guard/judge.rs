@@ -1,12 +1,11 @@
 //! What the guard says about its own blend: how much each expert is trusted, and what that
 //! gains.
 
-use rayon::prelude::*;
+use std::ops::Range;
 
 use super::{
     sample::SHARE,
     simplex::MOST,
-    table::PIXELS_PER_TASK,
     weights::{Changes, STRATA, Strata, Weights, cells, shared},
 };
 
@@ -68,11 +67,7 @@ pub(super) fn judge(
     notes: Vec<String>,
 ) -> (Judgement, ErrorRatios) {
     let sample = changes.sample;
-    let tasks = sample.pixels.len().div_ceil(PIXELS_PER_TASK);
-    let parts: Vec<Judged> = (0..tasks)
-        .into_par_iter()
-        .map(|task| Judged::of(changes, weights, task * PIXELS_PER_TASK))
-        .collect();
+    let parts = sample.in_tasks(|pixels| Judged::of(changes, weights, pixels));
     let mut judged = Judged::none();
     parts.into_iter().for_each(|part| judged.add(part));
     let lanes = sample.lanes().max(1) as f64;
@@ -109,13 +104,12 @@ impl Judged {
     }
 
     /// Those of a task's pixels.
-    fn of(changes: &Changes<'_>, weights: &Weights, first: usize) -> Self {
+    fn of(changes: &Changes<'_>, weights: &Weights, pixels: Range<usize>) -> Self {
         let sample = changes.sample;
         let mut judged = Self::none();
-        let end = sample.pixels.len().min(first + PIXELS_PER_TASK);
-        for pixel in first..end {
+        for pixel in pixels {
             let mut of_pixel = [0.0; 2];
-            for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
+            for lane in sample.lanes_of(pixel) {
                 let of_lane = judged.take(changes, weights, lane, sample.pixels[pixel].half.into());
                 of_pixel.iter_mut().zip(of_lane).for_each(|(sum, of_lane)| *sum += of_lane);
             }

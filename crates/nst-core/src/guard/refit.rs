@@ -10,12 +10,11 @@
 //! with the lane's scale s and the unit u. What half of the chessboard teaches is applied to the
 //! other half.
 
-use rayon::prelude::*;
+use std::ops::Range;
 
 use super::{
     sample::{GROUPS, SHARE, Sample},
     seen::{Expert, Features},
-    table::PIXELS_PER_TASK,
     view::{Lanes, View},
 };
 use crate::{Error, cholesky::solve_in_place};
@@ -71,15 +70,12 @@ impl<'a> Refit<'a> {
     ) -> Self {
         let Adapting { expert, features, of_views } = adapting;
         let own: Vec<f64> = features.coefficients().iter().map(|&c| c.into()).collect();
-        let tasks = sample.pixels.len().div_ceil(PIXELS_PER_TASK);
-        let part = |task: usize| {
+        let part = |pixels: Range<usize>| {
             let mut halves = [Equations::new(own.len()), Equations::new(own.len())];
-            let first = task * PIXELS_PER_TASK;
-            let end = sample.pixels.len().min(first + PIXELS_PER_TASK);
-            for pixel in first..end {
+            for pixel in pixels {
                 let equations = &mut halves[usize::from(sample.pixels[pixel].half)];
                 for ((view, missing), x) in views.iter().zip(missing).zip(of_views) {
-                    for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
+                    for lane in sample.lanes_of(pixel) {
                         let x = &x[lane * own.len()..(lane + 1) * own.len()];
                         let weight = (view.scale(lane) + 0.1 * view.unit).recip();
                         equations.take(x, &own, weight, missing[lane].into());
@@ -88,9 +84,8 @@ impl<'a> Refit<'a> {
             }
             halves
         };
-        let parts: Vec<_> = (0..tasks).into_par_iter().map(part).collect();
         let mut total = [Equations::new(own.len()), Equations::new(own.len())];
-        for part in &parts {
+        for part in &sample.in_tasks(part) {
             total.iter_mut().zip(part).for_each(|(sum, part)| sum.add(part));
         }
         let coefficients = total.map(|equations| equations.solve(&own));

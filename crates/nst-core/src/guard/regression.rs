@@ -13,9 +13,9 @@
 //! brightness, by the square of that.
 //! What half of the chessboard teaches is applied to the other half.
 
-use rayon::prelude::*;
+use std::ops::Range;
 
-use super::{sample::Sample, table::PIXELS_PER_TASK, view::Lanes};
+use super::{sample::Sample, view::Lanes};
 use crate::cholesky::solve;
 
 const INPUTS: usize = 5;
@@ -52,11 +52,7 @@ impl Regressions {
     /// Learns from views without each of the groups, and the means of those groups minus the
     /// plain estimates, `[group][lane]`.
     pub(super) fn fit(sample: &Sample, views: &[Lanes], missing: &[Vec<f32>]) -> Self {
-        let tasks = sample.pixels.len().div_ceil(PIXELS_PER_TASK);
-        let parts: Vec<AllEquations> = (0..tasks)
-            .into_par_iter()
-            .map(|task| equations(sample, views, missing, task * PIXELS_PER_TASK))
-            .collect();
+        let parts = sample.in_tasks(|pixels| equations(sample, views, missing, pixels));
         let mut total = AllEquations::default();
         for part in &parts {
             let pairs = total.iter_mut().flatten().zip(part.iter().flatten());
@@ -105,13 +101,17 @@ fn features(lanes: &Lanes, lane: usize) -> Features {
 }
 
 /// The equations of a task's pixels.
-fn equations(sample: &Sample, views: &[Lanes], missing: &[Vec<f32>], first: usize) -> AllEquations {
+fn equations(
+    sample: &Sample,
+    views: &[Lanes],
+    missing: &[Vec<f32>],
+    pixels: Range<usize>,
+) -> AllEquations {
     let mut equations = AllEquations::default();
-    let end = sample.pixels.len().min(first + PIXELS_PER_TASK);
-    for pixel in first..end {
+    for pixel in pixels {
         let half = usize::from(sample.pixels[pixel].half);
         for (view, missing) in views.iter().zip(missing) {
-            for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
+            for lane in sample.lanes_of(pixel) {
                 let f = features(view, lane);
                 for (equations, power) in equations.iter_mut().zip(POWERS) {
                     let weight = (view.scale(lane) + 0.1 * view.unit).powi(-power);

@@ -2,11 +2,16 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use crate::{FOLDS, Power, SequenceBatch, Side, fold_count, random::mix};
 
 /// The most pixels that weights are fitted to; of batches that have more, at least half as
 /// many are. Their sums are far from noise then.
 const MOST_PIXELS: usize = 20_000;
+
+/// Pixels whose sums are one task of the thread pool, added in one order.
+const PIXELS_PER_TASK: usize = 1024;
 
 /// How many groups of folds are held out in turn: each fold is one.
 pub(super) const GROUPS: usize = FOLDS;
@@ -100,6 +105,20 @@ impl Sample {
     /// How many lanes it has.
     pub(super) fn lanes(&self) -> usize {
         self.pixels.len() * self.channels
+    }
+
+    /// The lanes of a pixel.
+    #[inline(always)]
+    pub(super) fn lanes_of(&self, pixel: usize) -> Range<usize> {
+        pixel * self.channels..(pixel + 1) * self.channels
+    }
+
+    /// What `task` makes of ranges of pixels, in their order: the ranges do not depend on the
+    /// number of threads.
+    pub(super) fn in_tasks<T: Send>(&self, task: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
+        let pixels = self.pixels.len();
+        let first = (0..pixels).into_par_iter().step_by(PIXELS_PER_TASK);
+        first.map(|first| task(first..pixels.min(first + PIXELS_PER_TASK))).collect()
     }
 
     /// What the folds of its lanes say.

@@ -11,7 +11,7 @@
 //! and g_c is drawn towards 0 by as much of it as may be noise. What half of the chessboard
 //! teaches is applied to the other half.
 
-use rayon::prelude::*;
+use std::ops::Range;
 
 use super::{
     hats::grid_cells,
@@ -25,9 +25,6 @@ const CELLS: usize = BRIGHTNESS.knots() * COLUMNS;
 
 /// How many variances of the noise are taken off a gain.
 const CAUTION: f64 = 2.0;
-
-/// Pixels whose sums are one task of the thread pool, added in one order.
-pub(super) const PIXELS_PER_TASK: usize = 1024;
 
 /// g of the cells, for each half that they were learnt from.
 #[derive(Clone, Debug)]
@@ -51,11 +48,7 @@ impl Table {
     /// Learns from views without each of the groups, and the means of those groups minus the
     /// plain estimates, `[group][lane]`.
     pub(super) fn fit(sample: &Sample, views: &[Lanes], missing: &[Vec<f32>]) -> Self {
-        let tasks = sample.pixels.len().div_ceil(PIXELS_PER_TASK);
-        let parts: Vec<Sums> = (0..tasks)
-            .into_par_iter()
-            .map(|task| Sums::of(sample, views, missing, task * PIXELS_PER_TASK))
-            .collect();
+        let parts = sample.in_tasks(|pixels| Sums::of(sample, views, missing, pixels));
         let mut sums = Sums::default();
         parts.iter().for_each(|part| sums.add(part));
         let change = |half: usize, cell: usize| {
@@ -93,15 +86,14 @@ impl Default for Sums {
 
 impl Sums {
     /// Those of a task's pixels.
-    fn of(sample: &Sample, views: &[Lanes], missing: &[Vec<f32>], first: usize) -> Self {
+    fn of(sample: &Sample, views: &[Lanes], missing: &[Vec<f32>], pixels: Range<usize>) -> Self {
         let mut sums = Self::default();
-        let end = sample.pixels.len().min(first + PIXELS_PER_TASK);
         let mut touched: Vec<(usize, f64)> = Vec::new();
-        for pixel in first..end {
+        for pixel in pixels {
             let half = usize::from(sample.pixels[pixel].half);
             touched.clear();
             for (view, missing) in views.iter().zip(missing) {
-                for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
+                for lane in sample.lanes_of(pixel) {
                     let scale = view.scale(lane);
                     for (cell, share) in cells(view, lane) {
                         let product = share * scale * f64::from(missing[lane]);

@@ -1,12 +1,13 @@
 //! How far each expert is trusted, by strata of brightness and uncertainty.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::{
     hats::{Place, grid_cells},
     sample::{SHARE, Sample},
     simplex::{MOST, Moments, best_weights, certainty},
-    table::PIXELS_PER_TASK,
     view::{BRIGHTNESS, Lanes, UNCERTAINTY},
 };
 
@@ -107,9 +108,7 @@ pub(super) fn of_lane(changes: &[Vec<f32>], lane: usize) -> [f64; MOST] {
 
 impl Weights {
     pub(super) fn fit(changes: &Changes<'_>) -> Self {
-        let tasks = changes.sample.pixels.len().div_ceil(PIXELS_PER_TASK);
-        let parts: Vec<_> =
-            (0..tasks).into_par_iter().map(|task| sums(changes, task * PIXELS_PER_TASK)).collect();
+        let parts = changes.sample.in_tasks(|pixels| sums(changes, pixels));
         let mut total = [[Stratum::default(); STRATA]; 2];
         for part in &parts {
             let strata = total.iter_mut().flatten().zip(part.iter().flatten());
@@ -152,19 +151,18 @@ pub(super) fn strata(lanes: &Lanes, lane: usize, first_change: f32) -> Strata {
 }
 
 /// The sums of a task's pixels, `[half][stratum]`.
-fn sums(changes: &Changes<'_>, first: usize) -> [[Stratum; STRATA]; 2] {
+fn sums(changes: &Changes<'_>, pixels: Range<usize>) -> [[Stratum; STRATA]; 2] {
     let Changes { sample, missing, .. } = changes;
     let count = changes.count();
     let mut sums = [[Stratum::default(); STRATA]; 2];
-    let end = sample.pixels.len().min(first + PIXELS_PER_TASK);
     // Channels share samples, and what is held out of a pixel in turn adds to 0: noise is that
     // of a pixel's sum.
     let mut of_pixel = [[0.0; MOST]; STRATA];
-    for pixel in first..end {
+    for pixel in pixels {
         let sums = &mut sums[usize::from(sample.pixels[pixel].half)];
         let mut touched = 0_u64;
         for (group, missing) in missing.iter().enumerate() {
-            for lane in pixel * sample.channels..(pixel + 1) * sample.channels {
+            for lane in sample.lanes_of(pixel) {
                 let d = changes.of_lane(group, lane);
                 let variance = f64::from(changes.views[group].variance[lane]);
                 for (stratum, share) in cells(changes.strata[group][lane]) {
