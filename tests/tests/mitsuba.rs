@@ -37,7 +37,8 @@ impl Image {
     }
 
     fn render(scene: &Scene, spp: u32, sampler: SamplerKind, seed: u64) -> Self {
-        let settings = RenderSettings { spp, sampler, seed, keep: Keep::Window(1) };
+        let settings =
+            RenderSettings { spp, sampler, seed, keep: Keep::Window(1), features: false };
         let batch = render(scene, &settings, &|_| {}).expect("the scene renders").batch();
         let variance = batch.side(&Side::Variance).expect("a variance").to_vec();
         Self { mean: batch.last().to_vec(), variance }

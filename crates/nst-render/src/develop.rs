@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, ops::Range};
 
 use ndarray::Array2;
-use nst_core::{Grid, LaneSums, SequenceBatch, Side};
+use nst_core::{Extent, FeatureSums, Grid, LaneSums, SequenceBatch, Side};
 use rayon::prelude::*;
 
 use crate::{
@@ -22,6 +22,8 @@ pub(crate) struct TileView<'a> {
     pub(crate) sums: Vec<&'a [LaneSums]>,
     /// `[slot][channel][pixel]`
     pub(crate) terms: Vec<&'a [f32]>,
+    /// `[pixel]`, if they are kept.
+    pub(crate) features: Option<&'a [FeatureSums]>,
     pub(crate) skipped: &'a Skipped,
 }
 
@@ -81,6 +83,17 @@ impl Strip<'_> {
         sums
     }
 
+    /// The sums of the features, `[pixel]`, if they are kept.
+    pub(crate) fn feature_sums(&self) -> Option<Vec<FeatureSums>> {
+        let mut sums = vec![FeatureSums::default(); self.lanes() / CHANNELS];
+        self.tiles.first()?.features?;
+        self.fill(&mut [&mut sums[..]], |tile, _, pixels, out| {
+            let features = tile.features.unwrap_or_default();
+            out[0].copy_from_slice(&features[pixels]);
+        });
+        Some(sums)
+    }
+
     fn lanes(&self) -> usize {
         CHANNELS * self.rows.len() * self.width as usize
     }
@@ -101,7 +114,26 @@ impl Strip<'_> {
         if wanted.contains(&Side::Skipped) {
             sides.push((Side::Skipped, self.skipped(grid)));
         }
+        if self.tiles.iter().all(|tile| tile.features.is_some()) {
+            let features = Side::of_features(self.samples).filter(|side| wanted.contains(side));
+            sides.extend(features.map(|side| (side.clone(), self.feature(grid, side))));
+        }
         sides
+    }
+
+    /// A feature of all pixels.
+    fn feature(&self, grid: &Grid, side: &Side) -> Vec<f32> {
+        let channels = match side.extent() {
+            Extent::Lane => CHANNELS,
+            Extent::Pixel => 1,
+            Extent::Vector => 3,
+        };
+        let mut means = vec![0.0; channels * grid.pixels()];
+        self.fill(&mut [&mut means[..]], |tile, channel, pixels, out| {
+            let features = &tile.features.unwrap_or_default()[pixels];
+            FeatureSums::write_side(features, side, channel, self.samples, out[0]);
+        });
+        means
     }
 
     /// How many samples of each pixel count as black.

@@ -154,7 +154,7 @@ mod tests {
 
     fn settings() -> RenderSettings {
         let keep = Keep::Window(10);
-        RenderSettings { spp: SPP, sampler: SamplerKind::Random, seed: 3, keep }
+        RenderSettings { spp: SPP, sampler: SamplerKind::Random, seed: 3, keep, features: false }
     }
 
     fn all_methods() -> Vec<(&'static str, Box<dyn Transform>)> {

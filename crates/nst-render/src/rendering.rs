@@ -2,7 +2,7 @@
 
 use std::{borrow::Cow, ops::Range, time::Duration};
 
-use nst_core::{LaneSums, SequenceBatch, Side, Strips};
+use nst_core::{FeatureSums, LaneSums, SequenceBatch, Side, Strips};
 
 use crate::{film::Film, tiles::TILE};
 
@@ -49,7 +49,9 @@ impl Rendering {
     #[must_use]
     pub fn sides(&self) -> Vec<Side> {
         let skipped = (self.skipped() > 0).then_some(&Side::Skipped);
-        Side::of_sums(self.film.samples).chain(skipped).cloned().collect()
+        let features = self.film.has_features().then(|| Side::of_features(self.film.samples));
+        let sides = Side::of_sums(self.film.samples).chain(skipped);
+        sides.chain(features.into_iter().flatten()).cloned().collect()
     }
 
     /// The number of samples that were not finite, and count as black.
@@ -82,6 +84,12 @@ impl Rendering {
     #[must_use]
     pub fn sums(&self, rows: Range<u32>) -> Vec<LaneSums> {
         self.film.rows(rows).sums()
+    }
+
+    /// The sums of the features of some rows, `[pixel]`; `None` if they were not asked for.
+    #[must_use]
+    pub fn feature_sums(&self, rows: Range<u32>) -> Option<Vec<FeatureSums>> {
+        self.film.rows(rows).feature_sums()
     }
 }
 
@@ -158,7 +166,8 @@ mod tests {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
         let scene = Scene::load(&path.join("../../scenes/cornell/cornell.obj"));
         let scene = Scene { size: [37, 50], ..scene.expect("the scene") };
-        let settings = RenderSettings { spp, sampler: SamplerKind::Random, seed: 3, keep };
+        let settings =
+            RenderSettings { spp, sampler: SamplerKind::Random, seed: 3, keep, features: true };
         render(&scene, &settings, &|_| {}).expect("the scene renders")
     }
 
@@ -182,8 +191,13 @@ mod tests {
             assert!(means.eq(whole.last().iter().copied()), "{keep}");
             let mut again = SequenceBatch::from_last(whole.last(), spp).expect("means");
             again.set_sums(&sums, spp).expect("as many lanes");
-            assert!(again.sides().eq(whole.sides()), "{keep}");
+            let of_sums = |(side, _): &(&Side, _)| !side.is_feature();
+            assert!(again.sides().eq(whole.sides().filter(of_sums)), "{keep}");
             assert!(whole.sides().map(|(side, _)| side).eq(&rendering.sides()));
+            let of_pixels = rendering.feature_sums(0..50).expect("features were asked for");
+            let y = of_pixels.iter().map(|pixel| (pixel.normal[1] / f64::from(spp)) as f32);
+            let normals = whole.side(&Side::Normal).expect("normals");
+            assert!(y.eq(normals[37 * 50..2 * 37 * 50].iter().copied()), "{keep}");
 
             for (rows, halo) in [(16, 0), (16, 3), (32, 20), (1000, 5)] {
                 let mut strips = rendering.strips().with_rows(rows);

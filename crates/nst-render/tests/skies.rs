@@ -22,8 +22,13 @@ const DOWN: &str = "position = [0, 3, 0]\ntarget = [0, 0, 0]\nup = [0, 0, -1]\nv
 
 /// The mean of all pixels, and the mean standard deviation of a pixel.
 fn statistics(scene: &Scene, spp: u32) -> [f64; 2] {
-    let settings =
-        RenderSettings { spp, sampler: SamplerKind::Random, seed: 1, keep: Keep::Window(1) };
+    let settings = RenderSettings {
+        spp,
+        sampler: SamplerKind::Random,
+        seed: 1,
+        keep: Keep::Window(1),
+        features: false,
+    };
     let batch = render(scene, &settings, &|_| {}).expect("the scene renders").batch();
     let variance = batch.side(&Side::Variance).expect("a variance");
     let n = variance.len() as f64;

@@ -211,8 +211,8 @@ impl SequenceBatch {
         })
     }
 
-    /// Adds or replaces a side channel: one value per lane, or per pixel of the grid, as
-    /// its [extent](Side::extent) says.
+    /// Adds or replaces a side channel: one value per lane, or one or three per pixel of the
+    /// grid, as its [extent](Side::extent) says.
     ///
     /// # Errors
     /// [`Error::Batch`] if the number of values differs, or if there is no grid of pixels.
@@ -220,6 +220,7 @@ impl SequenceBatch {
         let wanted = match side.extent() {
             Extent::Lane => Some(self.lanes()),
             Extent::Pixel => self.grid.map(|grid| grid.pixels()),
+            Extent::Vector => self.grid.map(|grid| 3 * grid.pixels()),
         };
         if wanted != Some(values.len()) {
             return Err(Error::Batch(format!(
@@ -233,7 +234,7 @@ impl SequenceBatch {
         Ok(())
     }
 
-    /// A side channel, `[lane]` or `[pixel]` as its [extent](Side::extent) says.
+    /// A side channel, `[lane]`, `[pixel]` or `[coordinate][pixel]` as its [extent](Side::extent) says.
     #[must_use]
     pub fn side(&self, side: &Side) -> Option<&[f32]> {
         self.sides.get(side).map(Vec::as_slice)
@@ -291,6 +292,8 @@ mod tests {
         batch.set_grid(Grid::new(2, 2, 3, 0)?)?;
         assert!(batch.set_side(Side::Skipped, vec![0.0; 12]).is_err());
         batch.set_side(Side::Skipped, vec![0.0, 1.0, 2.0, 3.0])?;
+        assert!(batch.set_side(Side::Normal, vec![0.0; 4]).is_err());
+        batch.set_side(Side::Normal, vec![0.0; 12])?;
         assert_eq!(batch.side(&Side::Skipped).map(<[f32]>::len), Some(4));
         Ok(())
     }

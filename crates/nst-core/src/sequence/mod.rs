@@ -1,6 +1,7 @@
 //! Sequences of progressive estimates, side by side: what every method reads.
 
 mod batch;
+mod features;
 mod grid;
 mod keep;
 mod power;
@@ -10,6 +11,7 @@ mod strips;
 mod sums;
 
 pub use batch::{LANES_PER_BLOCK, SequenceBatch};
+pub use features::FeatureSums;
 pub use grid::Grid;
 pub use keep::Keep;
 pub use power::{Power, root};

@@ -72,7 +72,7 @@ impl LaneSums {
             Side::Variance => {
                 out.iter_mut().zip(lanes).for_each(|(out, lane)| *out = lane.variance(n));
             }
-            Side::PowerMean(..) | Side::Skipped | Side::Other(_) => {}
+            _ => {}
         }
     }
 }

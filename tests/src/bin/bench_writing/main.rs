@@ -142,7 +142,8 @@ impl Picture {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/cornell/cornell.obj");
         let scene = Scene { size: [size; 2], ..Scene::load(&path)? };
         let keep = Keep::Window(8);
-        let settings = RenderSettings { spp: 8, sampler: SamplerKind::Random, seed: 0, keep };
+        let settings =
+            RenderSettings { spp: 8, sampler: SamplerKind::Random, seed: 0, keep, features: false };
         let batch = render(&scene, &settings, &|_| {})?.batch();
         let network = Network::builtin("cornell").ok_or("there is no network 'cornell'")??;
         let mut estimates = Estimates::default();

@@ -38,6 +38,7 @@ fn settings(args: &RenderArgs, window: usize, keep: KeepArg) -> RenderSettings {
             KeepArg::Pow2 => Keep::Pow2(window),
             KeepArg::Window => Keep::Window(window),
         },
+        features: args.features,
     }
 }
 

@@ -23,7 +23,7 @@ use super::{
 use crate::{
     adapter::caught,
     args::{KeepArg, RenderArgs},
-    commands::picture_files::{PictureFiles, header},
+    commands::picture_files::{PictureFiles, header, is_shown},
     error::Error,
     interrupt,
     method::Method,
@@ -206,7 +206,9 @@ impl Job<'_> {
         let mut strips = rendering.strips();
         while let Some(strip) = strips.next_rows() {
             let rows = rows(&strip);
-            writer.push(&strip, Some(&rendering.sums(rows.start as u32..rows.end as u32)))?;
+            let rows = rows.start as u32..rows.end as u32;
+            let (sums, features) = (rendering.sums(rows.clone()), rendering.feature_sums(rows));
+            writer.push_with_features(&strip, Some(&sums), features.as_deref())?;
         }
         writer.finish()?;
         let path = output.path().display().to_string();
@@ -320,7 +322,8 @@ fn write(
     let with_errors = estimated.filter(|it| !it.errors.is_empty());
     let errors = with_errors.is_some();
     let mut picture = files.begin(rendering.size(), ColorModel::Rgb, &sides, errors, info)?;
-    let mut strips = rendering.strips().with_sides(&[Side::Variance]);
+    let shown = sides.iter().filter(|&side| *side == Side::Variance || is_shown(side));
+    let mut strips = rendering.strips().with_sides(&shown.cloned().collect::<Vec<_>>());
     while let Some(strip) = strips.next_rows() {
         let plain = || Cow::Borrowed(strip.last());
         let of_rows = rows(&strip);

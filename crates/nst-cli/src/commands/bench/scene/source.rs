@@ -169,7 +169,8 @@ impl Source {
             Self::Scene { scene, sampler, seed, .. } => {
                 let seed = seed + u64::from(number);
                 let keep = Keep::Window(window as u32);
-                let settings = RenderSettings { spp, sampler: *sampler, seed, keep };
+                let settings =
+                    RenderSettings { spp, sampler: *sampler, seed, keep, features: false };
                 let control = Control { progress: &|_| {}, stop: &interrupt::asked };
                 let rendering = render_from(None, scene, &settings, control)?;
                 let render_time = Some(rendering.time);
