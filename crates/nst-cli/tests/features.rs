@@ -15,7 +15,7 @@ fn sequence(path: &Path) -> SequenceFile {
 
 /// Renders the Cornell box with some options.
 fn render(bench: &Bench, options: &str) -> String {
-    let options = format!("--size 21x40 --transform none --quiet {options}");
+    let options = format!("--size 40x40 --transform none --quiet {options}");
     bench.succeed(&format!("render --scene {} {options}", cornell()))
 }
 
@@ -40,8 +40,7 @@ const ALL: [&str; 10] = [
     "normal.Z",
 ];
 
-/// The box's walls are known: white is .73 or about, all surfaces are flat along the axes, and the
-/// lamp shines downwards from where the camera sees it.
+/// The box's walls are known, and the lamp is in view.
 #[test]
 fn pictures_have_what_the_camera_sees() {
     let bench = Bench::new();
@@ -53,7 +52,7 @@ fn pictures_have_what_the_camera_sees() {
         let of = |name: &str| read_layer(&bench.path(name), layer);
         assert!(of("with.exr") == of("without.exr"), "'{layer}' depends on features");
     }
-    let pixels = 21 * 40;
+    let pixels = 40 * 40;
     let stored = sequence(&bench.path("s.exr")).batch;
     let of = |layer: &str| read_layer(&bench.path("with.exr"), layer).1;
     for (layer, side) in [("albedo", Side::Albedo), ("emission", Side::Emission)] {
@@ -63,11 +62,12 @@ fn pictures_have_what_the_camera_sees() {
         let normals = stored.side(&Side::Normal).expect("normals");
         assert_eq!(of(&format!("normal.{axis}")), normals[i * pixels..(i + 1) * pixels]);
     }
-    // A corner of the picture shows the left wall, red, which faces to the right.
-    let at = |layer: &str| of(layer)[20 * 21];
-    let [red, green] = [0, 1].map(|channel| of("albedo")[channel * pixels + 20 * 21]);
-    assert!(red > 3.0 * green && at("normal.X") > 0.9, "{red} {green} {}", at("normal.X"));
-    assert!(at("depth.Z") > 0.0 && of("emission")[20 * 21] == 0.0);
+    // At the left of the picture is the left wall: red, and seen along x.
+    let left = 20 * 40 + 1;
+    let at = |layer: &str| of(layer)[left];
+    let [red, green] = [0, 1].map(|channel| of("albedo")[channel * pixels + left]);
+    assert!(red > 3.0 * green && at("normal.X") < -0.9, "{red} {green} {}", at("normal.X"));
+    assert!(at("depth.Z") > 0.0 && at("emission") == 0.0);
     let brightest = of("emission").into_iter().fold(0.0, f32::max);
     assert!(brightest > 1.0, "the lamp is in view: {brightest}");
 
@@ -78,7 +78,7 @@ fn pictures_have_what_the_camera_sees() {
         assert_eq!(read_layer(&bench.path("again.exr"), layer).1, of(layer), "{layer}");
     }
     let said = bench.succeed("info s.exr");
-    for name in ["albedo", "normal", "depth", "emission", "emission3"] {
+    for name in ["depth", "emission", "emission3"] {
         assert!(said.contains(name), "{name} is not in {said}");
     }
 }
@@ -137,6 +137,134 @@ fn merged_features_are_means() {
     let stderr = String::from_utf8(output.stderr).expect("UTF-8");
     assert_eq!(output.status.code(), Some(1), "{stderr}");
     assert!(stderr.contains("plain.exr") && stderr.contains("side channels"), "{stderr}");
+}
+
+/// Writes a picture of 6×5 pixels with these channels, each of one value everywhere but where the
+/// picture itself differs from pixel to pixel.
+fn picture(path: &Path, seed: f32, channels: &[(&str, f32)]) {
+    use exr::prelude::*;
+    let flat = |&(name, value): &(&str, f32)| (name.to_owned(), vec![value; 30]);
+    let main = ["R", "G", "B"].map(|name| {
+        let values = (0..30_u8).map(|i| 1.0 + seed + f32::from(i)).collect();
+        (name.to_owned(), values)
+    });
+    let all = main.into_iter().chain(channels.iter().map(flat));
+    let all = all.map(|(name, values)| AnyChannel::new(&*name, FlatSamples::F32(values)));
+    let channels = AnyChannels::sort(all.collect());
+    Image::from_channels((6, 5), channels).write().to_file(path).expect("a file");
+}
+
+/// Packs four pictures whose features are `value` + their number; returns the sequence and what
+/// was said.
+fn packed(bench: &Bench, names: &[(&str, f32)], options: &str) -> (SequenceFile, String) {
+    for i in 0..4_u8 {
+        let of = |&(name, value): &(_, f32)| (name, value + f32::from(i) / 8.0);
+        let channels: Vec<_> = names.iter().map(of).collect();
+        picture(&bench.path(&format!("p{i}.exr")), f32::from(i), &channels);
+    }
+    let files = "p0.exr p1.exr p2.exr p3.exr";
+    let said = bench.succeed(&format!("pack {files} --spp 4 -o packed.exr {options}"));
+    (sequence(&bench.path("packed.exr")), said)
+}
+
+/// The value of a side channel that is the same for all pixels, channel by channel.
+fn flat(file: &SequenceFile, side: &Side) -> Option<Vec<f32>> {
+    let values = file.batch.side(side)?;
+    let channels: Vec<f32> = values.chunks(30).map(|channel| channel[0]).collect();
+    assert!(values.chunks(30).all(|channel| channel.iter().all(|x| *x == channel[0])), "{side}");
+    Some(channels)
+}
+
+/// Means over the files, by the names of four renderers' layers.
+#[test]
+fn packed_pictures_bring_features() {
+    let bench = Bench::new();
+    // 3 / 16 is the mean of 0, 1/8, 2/8, 3/8.
+    let mean = |values: &[f32]| Some(values.iter().map(|x| x + 0.1875).collect::<Vec<_>>());
+    let gbuffer = [
+        ("Albedo.R", 0.1),
+        ("Albedo.G", 0.2),
+        ("Albedo.B", 0.3),
+        ("N.X", 0.5),
+        ("N.Y", 0.5),
+        ("N.Z", 0.5),
+        ("Ns.X", 0.25),
+        ("Ns.Y", 0.0),
+        ("Ns.Z", -0.5),
+    ];
+    let (file, said) = packed(&bench, &gbuffer, "");
+    assert_eq!(flat(&file, &Side::Normal), mean(&[0.25, 0.0, -0.5]));
+    let albedo = flat(&file, &Side::Albedo).expect("pbrt's layer");
+    assert!((albedo[2] - 0.4875).abs() < 1e-6 && (albedo[0] - 0.4875).abs() > 0.1);
+    assert!(said.contains("albedo from Albedo") && said.contains("normal from Ns"), "{said}");
+    assert_eq!(flat(&file, &Side::Emission), None);
+
+    let mitsuba = [("nn.X", 0.0), ("nn.Y", 0.0), ("nn.Z", 0.5), ("dd.y.T", 3.0)];
+    let (file, said) = packed(&bench, &mitsuba, "");
+    assert_eq!(flat(&file, &Side::Normal), mean(&[0.0, 0.0, 0.5]));
+    assert_eq!(flat(&file, &Side::Depth), mean(&[3.0]), "{said}");
+
+    let passes = [
+        ("V.Denoising Albedo.R", 0.5),
+        ("V.Denoising Albedo.G", 0.5),
+        ("V.Denoising Albedo.B", 0.5),
+        ("V.Emit.R", 1.0),
+        ("V.Emit.G", 2.0),
+        ("V.Emit.B", 3.0),
+        ("V.Env.R", 0.0),
+        ("V.Env.G", 0.5),
+        ("V.Env.B", 0.0),
+        ("V.Depth.Z", 1e10),
+    ];
+    let (file, said) = packed(&bench, &passes, "");
+    assert_eq!(flat(&file, &Side::Emission), Some(vec![1.375, 2.875, 3.375]));
+    // Each picture is a fold.
+    assert_eq!(flat(&file, &Side::EmissionFold(2)), Some(vec![1.5, 3.0, 3.5]));
+    assert_eq!(flat(&file, &Side::Albedo), mean(&[0.5; 3]));
+    assert_eq!(flat(&file, &Side::Depth), Some(vec![0.0]), "nothing is there");
+    assert!(said.contains("emission from V.Emit + V.Env"), "{said}");
+    assert!(said.contains("depth (V.Depth): zero everywhere"), "{said}");
+
+    let own = [("a.R", 0.9), ("a.G", 0.0), ("a.B", 1.5), ("b.X", 3.0), ("b.Y", 0.0), ("b.Z", 0.0)];
+    let (file, _) = packed(&bench, &own, "");
+    assert!(!file.info.has_features(), "nobody knows these names");
+    let (file, said) = packed(&bench, &own, "--albedo a --normal b");
+    assert_eq!(flat(&file, &Side::Albedo), Some(vec![1.0, 0.1875, 1.0]));
+    let length = flat(&file, &Side::Normal).expect("it is named");
+    assert!((length[0].hypot(length[1]).hypot(length[2]) - 1.0).abs() < 1e-6, "{length:?}");
+    for words in ["60 below 0 or above 1", "30 longer than 1"] {
+        assert!(said.contains(words), "'{words}' is not in {said}");
+    }
+    bench.succeed("transform packed.exr --transform none -o t.exr -q");
+    assert_eq!(channels(&bench.path("t.exr")).len(), 6);
+}
+
+#[test]
+fn features_that_do_not_fit_are_told() {
+    let bench = Bench::new();
+    let nan = [("albedo.R", f32::NAN), ("albedo.G", 0.5), ("albedo.B", 0.5)];
+    let (file, said) = packed(&bench, &nan, "");
+    assert_eq!(flat(&file, &Side::Albedo), Some(vec![0.0, 0.6875, 0.6875]));
+    assert!(said.contains("120 not finite"), "{said}");
+    // One of two files lacks it.
+    picture(&bench.path("q.exr"), 9.0, &[]);
+    let said = bench.succeed("pack p0.exr q.exr --spp 1 -o x.exr");
+    assert!(said.contains("albedo is left out") && said.contains("q.exr"), "{said}");
+    assert!(!sequence(&bench.path("x.exr")).info.has_features());
+    let fails = |options: &str, words: &[&str]| {
+        let output = bench.nst(&format!("pack p0.exr q.exr --spp 1 -o y.exr {options}"));
+        let stderr = String::from_utf8(output.stderr).expect("UTF-8");
+        assert_eq!(output.status.code(), Some(1), "{stderr}");
+        for word in words {
+            assert!(stderr.contains(word), "'{word}' is not in {stderr}");
+        }
+        assert!(!bench.path("y.exr").exists());
+    };
+    fails("--albedo albedo", &["q.exr", "no layer 'albedo'", "R, G, B"]);
+    fails("--normal albedo", &["p0.exr", "no layer 'albedo'", "X, Y, Z"]);
+    fails("--layer R --albedo albedo", &["albedo"]);
+    let runs = "pack packed.exr --as runs -o r.safetensors --albedo a";
+    bench.refuses(runs, &["--albedo", "--as runs"]);
 }
 
 #[test]
