@@ -204,9 +204,9 @@ impl Prepared {
         let filter = Filter::new(device).map_err(|why| ("make a filter", why))?;
         let buffer = |name: &CStr| {
             let buffer = Buffer::new(device, CHANNELS * kind.width * kind.height)
-                .map_err(|why| ("allocate a picture", why))?;
+                .map_err(|why| ("allocate memory for a picture", why))?;
             let set = filter.set_image(name, &buffer, size);
-            set.map_err(|why| ("use a picture", why)).map(|()| buffer)
+            set.map_err(|why| ("give the filter a picture", why)).map(|()| buffer)
         };
         let color = buffer(c"color")?;
         let albedo = kind.albedo.then(|| buffer(c"albedo")).transpose()?;
@@ -227,11 +227,11 @@ impl Prepared {
         ];
         for (buffer, values) in inputs {
             if let (Some(buffer), Some(values)) = (buffer, values) {
-                buffer.write(values).map_err(|why| ("take a picture", why))?;
+                buffer.write(values).map_err(|why| ("copy a picture to the device", why))?;
             }
         }
         self.filter.execute().map_err(|why| ("denoise", why))?;
-        self.output.read(out).map_err(|why| ("return the picture", why))
+        self.output.read(out).map_err(|why| ("copy the picture from the device", why))
     }
 }
 

@@ -57,7 +57,7 @@ pub enum Error {
     },
     /// The library finds no device that it can use, or cannot use the one it chose.
     #[error(
-        "'{}' has no device: {reason}; the files libOpenImageDenoise_device_* must be beside it, \
+        "'{}' has no device: {reason}; its files OpenImageDenoise_device_* must be beside it, \
          and OIDN_DEFAULT_DEVICE=cpu lets it use the CPU", path.display()
     )]
     Device {
