@@ -8,34 +8,10 @@ use std::{
 };
 
 use crate::{
-    Error, Image, Library,
+    Error, Image, Library, Version,
     ffi::{self, Buffer, Failure, Filter},
     image::{CHANNELS, not_finite},
 };
-
-/// A version of the library.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Version {
-    /// 2.
-    pub major: i32,
-    /// The second number.
-    pub minor: i32,
-    /// The third number.
-    pub patch: i32,
-}
-
-impl Version {
-    /// From "two decimal digits per component" (the library's documentation).
-    fn from_digits(digits: i32) -> Self {
-        Self { major: digits / 10_000, minor: digits / 100 % 100, patch: digits % 100 }
-    }
-}
-
-impl fmt::Display for Version {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}.{}.{}", self.major, self.minor, self.patch)
-    }
-}
 
 /// On which processor a device computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -240,9 +216,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn versions_and_kinds_have_names() {
-        assert_eq!(Version::from_digits(20_501).to_string(), "2.5.1");
-        assert_eq!(Version::from_digits(21_299).to_string(), "2.12.99");
+    fn kinds_have_names() {
         let kinds = (1..7).map(|number| DeviceKind::from_type(number).to_string());
         let names = ["CPU", "SYCL", "CUDA", "HIP", "Metal", "device of type 6"];
         assert!(kinds.eq(names));

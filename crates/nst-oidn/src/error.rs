@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::device::Version;
+use crate::version::Version;
 
 /// What a user can do about a library that is of no use.
 const REMEDY: &str = "install Open Image Denoise 2 (Python's package pyoidn contains it), or let \

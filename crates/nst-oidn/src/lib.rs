@@ -28,9 +28,11 @@ mod image;
 mod library;
 mod python;
 mod system;
+mod version;
 
 pub use candidates::{Candidate, Source, candidates};
-pub use device::{Device, DeviceKind, Version};
+pub use device::{Device, DeviceKind};
 pub use error::Error;
 pub use image::Image;
 pub use library::Library;
+pub use version::Version;
