@@ -163,8 +163,8 @@ impl Kind {
 /// What failed, in words that follow "failed to", and why.
 type Step = (&'static str, Failure);
 
-/// A filter, and the memory of its pictures. Buffers serve on every device, and most GPUs
-/// cannot read the host's memory; copies take about 1 % of the time.
+/// A filter, and the memory of its pictures. Buffers serve on every device, while most GPUs
+/// cannot read the host's memory; a copy costs little beside the network.
 struct Prepared {
     kind: Kind,
     filter: Filter,
