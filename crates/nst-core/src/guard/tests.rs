@@ -406,6 +406,16 @@ fn strips_make_no_difference() -> Result<(), Error> {
             whole.apply(batch, &mut a)?;
             cut.apply(batch, &mut b)?;
             assert_eq!(a, b, "strips of {step}");
+            // Also where they are not read by the guard, but given to it.
+            let mut learning = guard.start().expect("one pass is enough");
+            let mut strips = Cut { batch, step, next: 0 };
+            while let Some(strip) = strips.next_strip()? {
+                learning.add(&strip)?;
+            }
+            let given = learning.finish()?;
+            assert_eq!(given.judgement(), Some(whole.judgement()), "strips of {step}");
+            given.apply(batch, &mut b)?;
+            assert_eq!(a, b, "strips of {step}");
         }
         let [low, high] = whole.judgement().interval;
         assert!(low < high && whole.judgement().ratio < 1.0);
