@@ -148,7 +148,7 @@ fn parts<'a, T>(images: &'a [T], pixels: usize, place: &Range<usize>) -> Vec<&'a
 
 /// A tile's part of the [`Film`].
 pub(crate) struct TileFilm<'a> {
-    slots: Slots,
+    pub(crate) slots: Slots,
     /// `[channel][pixel]`
     sums: Vec<&'a mut [LaneSums]>,
     /// `[slot][channel][pixel]`
@@ -157,6 +157,13 @@ pub(crate) struct TileFilm<'a> {
 }
 
 impl TileFilm<'_> {
+    /// What is recorded of the tile that it is of.
+    pub(crate) fn view(&self, tile: Tile) -> TileView<'_> {
+        let sums = self.sums.iter().map(|lanes| &**lanes).collect();
+        let terms = self.terms.iter().map(|term| &**term).collect();
+        TileView { tile, sums, terms, skipped: self.skipped }
+    }
+
     /// Writes to the memory of an empty film's sums. To read them first, as adding does, costs
     /// twice as many page faults.
     pub(crate) fn clear(&mut self) {
