@@ -2,15 +2,15 @@
 
 use std::{borrow::Cow, ops::Range, time::Duration};
 
-use nst_core::{LaneSums, SequenceBatch, Side, Strips};
+use nst_core::{FOLDS, LaneSums, SequenceBatch, Side, Strips};
 
 use crate::{film::Film, tiles::TILE};
 
 /// What [`render()`](crate::render()) returns: sequences of three planar channels of lanes, in
 /// a grid. In memory are the kept terms, and the sums from which it can be continued; side
 /// channels are made where they are asked for: the means of the folds (from
-/// [`FOLDS`](nst_core::FOLDS) samples on), the variance of S_N (from two on), and the number of
-/// samples that were not finite (where any was).
+/// [`FOLDS`] samples on), those of further powers that were asked for, the variance of S_N (from
+/// two on), and the number of samples that were not finite (where any was).
 #[derive(Clone, Debug)]
 pub struct Rendering {
     film: Film,
@@ -49,7 +49,11 @@ impl Rendering {
     #[must_use]
     pub fn sides(&self) -> Vec<Side> {
         let skipped = (self.skipped() > 0).then_some(&Side::Skipped);
-        Side::of_sums(self.film.samples).chain(skipped).cloned().collect()
+        let of_powers = self.film.powers.sides().filter(|_| self.samples() as usize >= FOLDS);
+        let of_sums = Side::of_sums(self.film.samples).chain(skipped).cloned();
+        let mut sides: Vec<Side> = of_sums.chain(of_powers).collect();
+        sides.sort_unstable();
+        sides
     }
 
     /// The number of samples that were not finite, and count as black.
@@ -144,7 +148,7 @@ impl Strips for RenderingStrips<'_> {
 
 #[cfg(test)]
 mod tests {
-    use nst_core::Keep;
+    use nst_core::{FurtherPowers, Keep};
 
     use super::*;
     use crate::{RenderSettings, SamplerKind, Scene, render};
@@ -153,7 +157,13 @@ mod tests {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
         let scene = Scene::load(&path.join("../../scenes/cornell/cornell.obj"));
         let scene = Scene { size: [37, 50], ..scene.expect("the scene") };
-        let settings = RenderSettings { spp, sampler: SamplerKind::Random, seed: 3, keep };
+        let settings = RenderSettings {
+            spp,
+            sampler: SamplerKind::Random,
+            seed: 3,
+            keep,
+            powers: FurtherPowers::NONE,
+        };
         render(&scene, &settings, &|_| {}).expect("the scene renders")
     }
 

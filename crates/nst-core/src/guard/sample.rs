@@ -13,6 +13,9 @@ const MOST_PIXELS: usize = 20_000;
 /// Pixels whose sums are one task of the thread pool, added in one order.
 const PIXELS_PER_TASK: usize = 1024;
 
+/// Lanes per task of the thread pool when estimates are made.
+pub(super) const CHUNK: usize = 4096;
+
 /// How many groups of folds are held out in turn: each fold is one.
 pub(super) const GROUPS: usize = FOLDS;
 
