@@ -1,15 +1,17 @@
 //! The guard of the command line: over which experts, and where it has nothing to hold out.
 
 use nst_core::{
-    Error as CoreError, Estimates, Fitted, Identity, MlpCpu, Requirements, SequenceBatch, Strips,
-    Transform,
+    Error as CoreError, Estimates, Fitted, Identity, MlpCpu, Network, Requirements, SampleMlp,
+    SequenceBatch, Strips, Transform, Weights,
     guard::{Expert, Guard, Judgement, OfTransform},
 };
 
 use crate::{
-    args::ExpertArg,
+    adapter::Adapter,
+    args::{BackendArg, ExpertArg},
     error::Error,
-    networks::{builtin, network_of},
+    networks::{builtin, builtin_of_samples, network_of},
+    samples::evaluated,
 };
 
 /// The sampler whose folds are parts of one sequence, so that none says anything about the
@@ -21,13 +23,21 @@ const NESTED_FOLDS: &str = "the folds of --sampler halton depend on each other, 
                             held out; those of --sampler halton-folds do not";
 
 /// The guard over the experts of a list, which are its own if the list is empty, for samples of
-/// this sampler.
+/// this sampler. The first networks that see samples are also fitted again, as many as there is
+/// room for.
 ///
 /// # Errors
 /// [`Error::Usage`] says which expert cannot be one, and why.
-pub(crate) fn guard(list: &[ExpertArg], sampler: &str) -> Result<Box<dyn Transform>, Error> {
-    let others = list.iter().filter_map(|arg| expert(arg).transpose());
-    let others = others.collect::<Result<_, _>>()?;
+pub(crate) fn guard(
+    list: &[ExpertArg],
+    sampler: &str,
+    backend: BackendArg,
+    adapter: &Adapter,
+) -> Result<Box<dyn Transform>, Error> {
+    let others = list.iter().filter(|arg| **arg != ExpertArg::Lane);
+    let refits = Guard::MOST_EXPERTS.saturating_sub(others.clone().count());
+    let others = others.enumerate().map(|(i, arg)| expert(arg, i < refits, backend, adapter));
+    let others = others.collect::<Result<Vec<_>, _>>()?;
     if !list.is_empty() && !list.contains(&ExpertArg::Lane) {
         // Its first regression also says which lanes are alike.
         return Err(Error::Usage(
@@ -47,13 +57,28 @@ pub(crate) fn guard(list: &[ExpertArg], sampler: &str) -> Result<Box<dyn Transfo
     Ok(Box::new(guard))
 }
 
-/// The expert of a name; `None` for those that the guard has anyway.
-fn expert(arg: &ExpertArg) -> Result<Option<Box<dyn Expert>>, Error> {
-    let (network, option) = match arg {
-        ExpertArg::Lane => return Ok(None),
-        ExpertArg::Builtin(name) => (builtin(name)?, "--transform"),
-        ExpertArg::Weights(path) => (network_of(path)?, "--weights"),
+/// The expert of a name.
+fn expert(
+    arg: &ExpertArg,
+    refit: bool,
+    backend: BackendArg,
+    adapter: &Adapter,
+) -> Result<Box<dyn Expert>, Error> {
+    let network = match arg {
+        ExpertArg::Lane => unreachable!("the guard has its own"),
+        ExpertArg::Builtin(name) => return of_terms(arg, builtin(name)?, "--transform"),
+        ExpertArg::Samples(name) => builtin_of_samples(name)?,
+        ExpertArg::Weights(path) => match network_of(path)? {
+            Weights::Window(network) => return of_terms(arg, network, "--weights"),
+            Weights::Samples(network) => network,
+        },
     };
+    let mlp: SampleMlp = evaluated(arg.to_string(), network, backend, adapter)?;
+    Ok(Box::new(if refit { mlp.with_refit() } else { mlp }))
+}
+
+/// The expert that a network which reads terms may be.
+fn of_terms(arg: &ExpertArg, network: Network, option: &str) -> Result<Box<dyn Expert>, Error> {
     let expert = OfTransform::new(arg.to_string(), MlpCpu::new(network)).map_err(|error| {
         let why = match error {
             CoreError::Batch(why) => why,
@@ -61,7 +86,7 @@ fn expert(arg: &ExpertArg) -> Result<Option<Box<dyn Expert>>, Error> {
         };
         Error::Usage(format!("--experts: {why}; {option} {arg} applies it without the guard"))
     })?;
-    Ok(Some(Box::new(expert)))
+    Ok(Box::new(expert))
 }
 
 /// Keeps the plain estimates, and says why.
