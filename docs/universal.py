@@ -17,15 +17,14 @@ import tempfile
 from pathlib import Path
 from statistics import fmean, geometric_mean
 
-from adaptation import PAGE, ROOT, SCENES, SIZE, append, read, rounded, scene_file
+from adaptation import PAGE, REFERENCE_SPP, ROOT, SCENES, SIZE, USUAL_REFERENCE_SPP
+from adaptation import append, read, rounded, scene_file
 
 NST = os.environ.get("NST", str(ROOT / "target" / "release" / "nst"))
 TABLE = ROOT / "docs" / "universal.csv"
 COLUMNS = ["scene", "method", "spp", "run", "mse", "relmse"]
 COUNTS = [8, 32, 256]
 RUNS = 4
-# Of each of the two references: their noise cancels on average, and is far below the differences at 8 spp.
-REFERENCE_SPP = 4096
 PLAIN, AUTO, NETWORK = "none", "auto", "small"
 BLENDED = f"auto: lane + {NETWORK}"
 NAMES = {AUTO: "`auto`", BLENDED: f"`auto --experts lane,{NETWORK}`", NETWORK: f"`{NETWORK}` alone"}
@@ -35,8 +34,8 @@ BEGIN, END = "<!-- universal -->", "<!-- end of universal -->"
 def bench(scene: str, folder: Path) -> list[list[object]]:
     table = folder / f"{scene}.csv"
     command = [NST, "bench", "scene", "--scene", scene_file(scene), "--size", SIZE, *SCENES[scene][0]]
-    command += ["--spp", *map(str, COUNTS), "--runs", str(RUNS), "--reference-spp", str(REFERENCE_SPP)]
-    command += ["--backend", "cpu", "--quiet", "-o", str(table)]
+    command += ["--spp", *map(str, COUNTS), "--runs", str(RUNS)]
+    command += ["--reference-spp", str(REFERENCE_SPP.get(scene, USUAL_REFERENCE_SPP)), "--backend", "cpu", "--quiet", "-o", str(table)]
     for options in (["--transform", f"{AUTO},{NETWORK}"], ["--transform", AUTO, "--experts", f"lane,{NETWORK}"]):
         subprocess.run([*command, *options], check=True, stdout=subprocess.DEVNULL)
     return [
