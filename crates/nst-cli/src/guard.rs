@@ -48,7 +48,8 @@ pub(crate) fn guard(
     if let Some((_, twice)) = list.iter().enumerate().find(|(i, it)| list[..*i].contains(it)) {
         return Err(Error::Usage(format!("--experts: '{twice}' is named twice")));
     }
-    let guard = Guard::new(others).map_err(|error| Error::Usage(format!("--experts: {error}")))?;
+    let guard = Guard::new(others);
+    let guard = guard.map_err(|error| Error::Usage(format!("--experts: {}", reason(error))))?;
     if sampler == NESTED {
         let notes = vec![NESTED_FOLDS.to_owned()];
         let judgement = Judgement { ratio: 1.0, interval: [1.0; 2], notes, ..Judgement::default() };
@@ -80,13 +81,18 @@ fn expert(
 /// The expert that a network which reads terms may be.
 fn of_terms(arg: &ExpertArg, network: Network, option: &str) -> Result<Box<dyn Expert>, Error> {
     let expert = OfTransform::new(arg.to_string(), MlpCpu::new(network)).map_err(|error| {
-        let why = match error {
-            CoreError::Batch(why) => why,
-            error => error.to_string(),
-        };
+        let why = reason(error);
         Error::Usage(format!("--experts: {why}; {option} {arg} applies it without the guard"))
     })?;
     Ok(Box::new(expert))
+}
+
+/// What an error says of experts.
+fn reason(error: CoreError) -> String {
+    match error {
+        CoreError::Batch(why) => why,
+        error => error.to_string(),
+    }
 }
 
 /// Keeps the plain estimates, and says why.

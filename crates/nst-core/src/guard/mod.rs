@@ -210,6 +210,9 @@ impl Guard {
                     all.for_each(|(all, changes)| all.push(changes));
                     asked.adapting.extend(adapting);
                 }
+                Err(Error::Batch(why)) => {
+                    asked.notes.push(format!("'{}' is left out: {why}", expert.name()));
+                }
                 Err(error) => {
                     asked.notes.push(format!("'{}' is left out: {error}", expert.name()));
                 }

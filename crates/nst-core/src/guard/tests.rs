@@ -205,7 +205,6 @@ fn an_expert_alone() {
         values
     };
     assert_eq!(cut(LANES_PER_BLOCK), out.values());
-    // Twice the samples, twice the estimates; none of it is more than rounding.
     let plain = |out: &Estimates, batch: &SequenceBatch| out.values() == batch.last();
     let without = SequenceBatch::from_last(lanes.batch.last(), 16).expect("means");
     let out = estimates(&without).expect("no folds are no error");
