@@ -52,4 +52,4 @@ pub use sequence::{
     Extent, FOLDS, FurtherPowers, Grid, Keep, LANES_PER_BLOCK, LaneSums, Merging, Power, PowerSums,
     SequenceBatch, Side, Strips, Whole, fold_count, root,
 };
-pub use transform::{Estimates, Fitted, Identity, Requirements, Status, Support, Transform};
+pub use transform::{Estimates, Fit, Fitted, Identity, Requirements, Status, Support, Transform};

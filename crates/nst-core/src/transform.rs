@@ -20,6 +20,12 @@ pub trait Transform: Send + Sync {
     /// Those of `strips`, and what concerns the whole batch, such as a lost GPU.
     fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error>;
 
+    /// Begins to [`fit`](Self::fit) to strips that come one by one; `None` if the method learns
+    /// nothing, or must go over them more than once.
+    fn start(&self) -> Option<Box<dyn Fit<'_> + '_>> {
+        None
+    }
+
     /// Both phases for a batch in memory: see [`Fitted::apply`].
     ///
     /// # Errors
@@ -27,6 +33,21 @@ pub trait Transform: Send + Sync {
     fn transform(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
         self.fit(&mut Whole::new(batch))?.apply(batch, out)
     }
+}
+
+/// A method that learns in one pass, while the strips of a batch come in.
+pub trait Fit<'a>: Send {
+    /// Learns from the next strip, which has no halo.
+    ///
+    /// # Errors
+    /// Those of [`Transform::fit`].
+    fn add(&mut self, strip: &SequenceBatch) -> Result<(), Error>;
+
+    /// What [`Transform::fit`] returns for all strips so far.
+    ///
+    /// # Errors
+    /// Those of [`Transform::fit`].
+    fn finish(self: Box<Self>) -> Result<Box<dyn Fitted + 'a>, Error>;
 }
 
 /// A method after [`Transform::fit`], ready for the strips of the batch.

@@ -108,9 +108,12 @@ impl Strip<'_> {
         sides
     }
 
-    /// Those of the means of further powers.
+    /// Those of the means of further powers, if each fold has a sample.
     fn power_means(&self, grid: &Grid, wanted: &[Side]) -> Vec<(Side, Vec<f32>)> {
         let mut sides = Vec::new();
+        if (self.samples as usize) < FOLDS {
+            return sides;
+        }
         for (index, power) in self.powers.iter().enumerate() {
             for (fold, side) in Side::power_means(power).into_iter().enumerate() {
                 if !wanted.contains(&side) {

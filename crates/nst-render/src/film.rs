@@ -157,18 +157,26 @@ fn parts<'a, T>(images: &'a [T], pixels: usize, place: &Range<usize>) -> Vec<&'a
 
 /// A tile's part of the [`Film`].
 pub(crate) struct TileFilm<'a> {
-    slots: Slots,
+    pub(crate) slots: Slots,
     /// `[channel][pixel]`
     sums: Vec<&'a mut [LaneSums]>,
     /// `[slot][channel][pixel]`
     terms: Vec<&'a mut [f32]>,
-    powers: Vec<Power>,
+    pub(crate) powers: Vec<Power>,
     /// `[power][channel][pixel]`
     further: Vec<&'a mut [[f64; FOLDS]]>,
     skipped: &'a mut Skipped,
 }
 
 impl TileFilm<'_> {
+    /// What is recorded of the tile that it is of.
+    pub(crate) fn view(&self, tile: Tile) -> TileView<'_> {
+        let sums = self.sums.iter().map(|lanes| &**lanes).collect();
+        let terms = self.terms.iter().map(|term| &**term).collect();
+        let further = self.further.iter().map(|sums| &**sums).collect();
+        TileView { tile, sums, terms, further, skipped: self.skipped }
+    }
+
     /// Writes to the memory of an empty film's sums. To read them first, as adding does, costs
     /// twice as many page faults.
     pub(crate) fn clear(&mut self) {

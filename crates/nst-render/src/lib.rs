@@ -9,12 +9,14 @@
 //! channels R, G, B in linear sRGB primaries and y counted from the top.
 
 mod accelerator;
+mod bands;
 mod bsdf;
 mod camera;
 mod color;
 mod develop;
 mod environment;
 mod error;
+mod estimate;
 mod film;
 mod instructions;
 mod light;
@@ -32,13 +34,15 @@ mod slots;
 mod texture;
 mod tiles;
 
+pub use bands::{Band, Consumer};
 pub use camera::{Camera, PixelFilter};
 pub use error::Error;
+pub use estimate::Estimator;
 pub use instructions::instruction_set;
 pub use load::{Lighting, LoadOptions, View};
 pub use material::{Disney, Material, Relief, Scattering};
 pub use memory::check_memory;
-pub use render::{Control, render, render_from};
+pub use render::{Control, render, render_from, render_to};
 pub use rendering::{Rendering, RenderingStrips};
 pub use sampler::{SampleStream, Sampler, SamplerKind};
 pub use scene::{Environment, Scene, Triangle};

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 
 use crate::{
     Error, PixelFilter, Sampler, Scene,
+    bands::{Consumer, trace_and_hand},
     camera::Projection,
     film::{Film, TileFilm},
     path::{PathTracer, Workspace},
@@ -72,6 +73,21 @@ pub fn render_from(
     settings: &RenderSettings,
     control: Control<'_>,
 ) -> Result<Rendering, Error> {
+    render_to(None, start, scene, settings, control)
+}
+
+/// As [`render_from()`], and gives a consumer, if there is one, rows that are finished while
+/// others are still traced.
+///
+/// # Errors
+/// As [`render_from()`].
+pub fn render_to(
+    consumer: Option<Consumer<'_>>,
+    start: Option<Start>,
+    scene: &Scene,
+    settings: &RenderSettings,
+    control: Control<'_>,
+) -> Result<Rendering, Error> {
     let begin = Instant::now();
     if settings.spp == 0 {
         return Err(Error::Settings("nothing to render: no samples per pixel".into()));
@@ -88,7 +104,7 @@ pub fn render_from(
     // In an order that jumps over the picture, so that the first tiles of a long pass tell
     // how long the others will take.
     tiles.sort_by_cached_key(|(tile, _)| mix(tile.index(0, scene.size[0]) as u64));
-    film.samples = frame.trace_passes(samples, &mut tiles, settings.spp, control);
+    film.samples = frame.trace_passes(samples, tiles, settings.spp, control, consumer);
     Ok(Rendering::new(film, begin.elapsed(), build_time))
 }
 
@@ -117,9 +133,10 @@ impl<'a> Frame<'a> {
     fn trace_passes(
         &self,
         first: u32,
-        tiles: &mut [(Tile, TileFilm<'_>)],
+        mut tiles: Vec<(Tile, TileFilm<'_>)>,
         spp: u32,
         control: Control<'_>,
+        mut consumer: Option<Consumer<'_>>,
     ) -> u32 {
         let pixels = u64::from(self.size[0]) * u64::from(self.size[1]);
         let mut step = FIRST_PATHS.div_ceil(pixels).clamp(1, MOST_FIRST_SPP) as u32;
@@ -129,9 +146,7 @@ impl<'a> Frame<'a> {
         loop {
             let pass = n..spp.min(n.saturating_add(step));
             let begin = Instant::now();
-            // Tiles differ in cost: each is a task of its own, so that no thread is idle
-            // while tiles wait.
-            tiles.par_iter_mut().with_max_len(1).for_each(|(tile, film)| {
+            let trace = |tile: &Tile, film: &mut TileFilm<'_>| {
                 let thread = rayon::current_thread_index().unwrap_or_default();
                 let workspace = workspaces[thread].lock();
                 let mut workspace = workspace.unwrap_or_else(PoisonError::into_inner);
@@ -142,7 +157,16 @@ impl<'a> Frame<'a> {
                     film.add(pixel, index, rgb, pass.end);
                 });
                 (control.progress)(tile.pixels() as u64 * pass.len() as u64);
-            });
+            };
+            if pass.end == spp
+                && let Some(consumer) = &mut consumer
+            {
+                trace_and_hand(tiles, self.size, spp, consumer, trace);
+                return spp;
+            }
+            // Tiles differ in cost: each is a task of its own, so that no thread is idle
+            // while tiles wait.
+            tiles.par_iter_mut().with_max_len(1).for_each(|(tile, film)| trace(tile, film));
             n = pass.end;
             if n == spp || (control.stop)() {
                 return n;

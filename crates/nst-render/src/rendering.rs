@@ -120,6 +120,11 @@ impl RenderingStrips<'_> {
         Self { step: rows.clamp(1, 1 << 30).next_multiple_of(TILE), ..self }
     }
 
+    /// Goes on with the strip that begins at a row.
+    pub fn skip_to(&mut self, row: u32) {
+        self.next = row;
+    }
+
     /// The next strip; `None` after the last.
     pub fn next_rows(&mut self) -> Option<SequenceBatch> {
         let height = self.film.size[1];

@@ -8,8 +8,8 @@ use super::{
     view::View,
 };
 use crate::{
-    Error, Estimates, FOLDS, Fitted, FurtherPowers, Power, Requirements, SequenceBatch, Status,
-    Strips, Transform,
+    Error, Estimates, FOLDS, Fit, Fitted, FurtherPowers, Power, Requirements, SequenceBatch,
+    Status, Strips, Transform,
 };
 
 /// Estimates as an [`Expert`] makes them of all samples. Nothing measures whether they are better
@@ -27,6 +27,13 @@ struct FittedAlone<'a, E> {
     unit: f64,
 }
 
+/// An expert whose unit is taken from strips as they come.
+struct Learning<'a, E> {
+    expert: &'a E,
+    powers: FurtherPowers,
+    sample: Sample,
+}
+
 /// Why all lanes keep the plain estimate.
 struct Plain(Status);
 
@@ -40,6 +47,11 @@ impl<E: Expert> Alone<E> {
     fn powers(&self) -> FurtherPowers {
         FurtherPowers::of(self.expert.powers())
     }
+
+    fn learning(&self) -> Learning<'_, E> {
+        let powers = self.powers();
+        Learning { expert: &self.expert, powers, sample: Sample::new(powers) }
+    }
 }
 
 impl<E: Expert> Transform for Alone<E> {
@@ -49,8 +61,28 @@ impl<E: Expert> Transform for Alone<E> {
 
     /// Finds the unit, as the guard does.
     fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
-        let powers: Vec<Power> = self.powers().iter().collect();
-        let Some(sample) = Sample::take(strips, &powers)? else {
+        let mut learning = self.learning();
+        strips.rewind(0)?;
+        while let Some(strip) = strips.next_strip()?
+            && learning.sample.add(&strip)
+        {}
+        Box::new(learning).finish()
+    }
+
+    fn start(&self) -> Option<Box<dyn Fit<'_> + '_>> {
+        Some(Box::new(self.learning()))
+    }
+}
+
+impl<'a, E: Expert> Fit<'a> for Learning<'a, E> {
+    fn add(&mut self, strip: &SequenceBatch) -> Result<(), Error> {
+        self.sample.add(strip);
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<Box<dyn Fitted + 'a>, Error> {
+        let Self { expert, powers, sample } = *self;
+        let Some(sample) = sample.finish() else {
             return Ok(Box::new(Plain(Status::NoFolds)));
         };
         if sample.counts.contains(&0.0) {
@@ -63,8 +95,8 @@ impl<E: Expert> Transform for Alone<E> {
         if !(view.unit > 0.0 && view.unit.is_finite()) {
             return Ok(Box::new(Plain(Status::Constant)));
         }
-        let (expert, counts, unit) = (&self.expert, sample.counts, view.unit);
-        Ok(Box::new(FittedAlone { expert, powers, counts, unit }))
+        let (counts, unit) = (sample.counts, view.unit);
+        Ok(Box::new(FittedAlone { expert, powers: powers.iter().collect(), counts, unit }))
     }
 }
 

@@ -47,8 +47,8 @@ use view::{Lanes, View};
 use weights::{Changes, Weights, of_lane, strata};
 
 use crate::{
-    Error, Estimates, FOLDS, Fitted, FurtherPowers, Power, Requirements, SequenceBatch, Status,
-    Strips, Transform,
+    Error, Estimates, FOLDS, Fit, Fitted, FurtherPowers, Power, Requirements, SequenceBatch,
+    Status, Strips, Transform,
 };
 
 /// What the guard calls the experts that learn from the batch itself.
@@ -134,31 +134,40 @@ impl Guard {
     /// # Errors
     /// Those of `strips`.
     pub fn measure<'a>(&'a self, strips: &mut dyn Strips) -> Result<FittedGuard<'a>, Error> {
+        strips.rewind(0)?;
+        let mut sample = Sample::new(self.powers());
+        while let Some(strip) = strips.next_strip()?
+            && sample.add(&strip)
+        {}
+        Ok(self.learn(sample))
+    }
+
+    /// Learns from a sample of all strips.
+    fn learn(&self, sample: Sample) -> FittedGuard<'_> {
         let plain = |status: Status, why: &str| FittedGuard {
             experts: Vec::new(),
             refits: Vec::new(),
             learnt: Err(status),
             judgement: Judgement::plain(why),
         };
-        let powers: Vec<Power> = self.powers().iter().collect();
-        let Some(sample) = Sample::take(strips, &powers)? else {
+        let Some(sample) = sample.finish() else {
             let why = "there are no statistics of four folds, as of snapshots, old files, or fewer \
                        than four samples, so nothing can be held out";
-            return Ok(plain(Status::NoFolds, why));
+            return plain(Status::NoFolds, why);
         };
         if sample.counts.contains(&0.0) {
             let why = "there are fewer than four samples, so nothing can be held out";
-            return Ok(plain(Status::TooShort, why));
+            return plain(Status::TooShort, why);
         }
         if sample.pixels.is_empty() {
-            return Ok(plain(Status::NotFinite, "no estimates are finite"));
+            return plain(Status::NotFinite, "no estimates are finite");
         }
         let views: Vec<View> = (0..=GROUPS)
             .into_par_iter()
             .map(|group| View::new(&sample.means(), &sample.further(), &sample.counts, group, None))
             .collect();
         if !views.iter().all(|view| view.unit > 0.0 && view.unit.is_finite()) {
-            return Ok(plain(Status::Constant, "all estimates are 0"));
+            return plain(Status::Constant, "all estimates are 0");
         }
         let missing = missing(&sample, &views[..GROUPS]);
         let Asked { experts, changes: of_experts, adapting, notes } = self.ask(&views);
@@ -170,7 +179,7 @@ impl Guard {
             table: Table::fit(&sample, held_out, &missing),
         };
         let refit = |adapting| Refit::fit(adapting, &sample, held_out, &missing);
-        let refits: Vec<Refit<'a>> = adapting.iter().map(refit).collect();
+        let refits: Vec<Refit<'_>> = adapting.iter().map(refit).collect();
         let half = |lane: usize| usize::from(sample.pixels[lane / sample.channels].half);
         let of_corrections = lanes.par_iter().map(|lanes| corrections.changes(lanes, half));
         let mut changes: Vec<Vec<Vec<f32>>> = of_corrections.collect();
@@ -187,7 +196,7 @@ impl Guard {
             judge(&changes, &weights, names.map(str::to_owned).collect(), notes);
         let powers = sample.further().into_iter().map(|(power, _)| power).collect();
         let learnt = Learnt { corrections, weights, errors, unit, counts, powers };
-        Ok(FittedGuard { experts, refits, learnt: Ok(learnt), judgement })
+        FittedGuard { experts, refits, learnt: Ok(learnt), judgement }
     }
 
     /// The powers that experts need beside those that all batches have.
@@ -296,6 +305,23 @@ impl FittedGuard<'_> {
     }
 }
 
+/// A guard that takes its sample of strips as they come.
+struct Learning<'a> {
+    guard: &'a Guard,
+    sample: Sample,
+}
+
+impl<'a> Fit<'a> for Learning<'a> {
+    fn add(&mut self, strip: &SequenceBatch) -> Result<(), Error> {
+        self.sample.add(strip);
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<Box<dyn Fitted + 'a>, Error> {
+        Ok(Box::new(self.guard.learn(self.sample)))
+    }
+}
+
 /// Lanes of a strip that follow each other.
 struct Chunk<'a> {
     strip: &'a SequenceBatch,
@@ -323,6 +349,10 @@ impl Transform for Guard {
 
     fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
         Ok(Box::new(self.measure(strips)?))
+    }
+
+    fn start(&self) -> Option<Box<dyn Fit<'_> + '_>> {
+        Some(Box::new(Learning { guard: self, sample: Sample::new(self.powers()) }))
     }
 }
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::{Error, FOLDS, Power, SequenceBatch, Side, Strips, fold_count, random::mix};
+use crate::{FOLDS, FurtherPowers, Power, SequenceBatch, Side, fold_count, random::mix};
 
 /// The most pixels that weights are fitted to; of batches that have more, at least half as
 /// many are. Their sums are far from noise then.
@@ -42,6 +42,10 @@ pub(super) struct Sample {
     pub(super) channels: usize,
     /// How many samples are in each fold of a lane.
     pub(super) counts: [f64; FOLDS],
+    /// How many samples of each lane there are.
+    samples: u32,
+    /// Whether a strip had no statistics of folds.
+    lacks_folds: bool,
     /// How many pixels the strips have had so far, by how many zeros their hashes begin with.
     zeros: [usize; ZEROS],
 }
@@ -66,26 +70,39 @@ impl Default for Sample {
             variances: Vec::new(),
             channels: 1,
             counts: [0.0; FOLDS],
+            samples: 0,
+            lacks_folds: false,
             zeros: [0; ZEROS],
         }
     }
 }
 
 impl Sample {
-    /// Goes over the strips once. `None` if they lack a side channel of folds. Of these further
-    /// powers, it has those that the strips have.
-    pub(super) fn take(strips: &mut dyn Strips, powers: &[Power]) -> Result<Option<Self>, Error> {
-        strips.rewind(0)?;
-        let (mut sample, mut n) = (Self::default(), 0);
-        sample.further = powers.iter().map(|&power| (power, Default::default())).collect();
-        while let Some(strip) = strips.next_strip()? {
-            let Some(means) = fold_means(&strip) else { return Ok(None) };
-            n = *strip.sample_counts().last().expect("a batch has a term");
-            sample.add(&strip, &means);
+    /// Of no strips yet. Of these further powers, it will have those that the strips have.
+    pub(super) fn new(powers: FurtherPowers) -> Self {
+        let further = powers.iter().map(|power| (power, Default::default())).collect();
+        Self { further, ..Self::default() }
+    }
+
+    /// Adds the next strip. Returns whether it has what is needed; others make no difference
+    /// if it has not.
+    pub(super) fn add(&mut self, strip: &SequenceBatch) -> bool {
+        self.samples = *strip.sample_counts().last().expect("a batch has a term");
+        match fold_means(strip) {
+            Some(means) => self.add_pixels(strip, &means),
+            None => self.lacks_folds = true,
         }
-        sample.counts = std::array::from_fn(|fold| fold_count(fold, n));
-        sample.count_pictures(n);
-        Ok(Some(sample))
+        !self.lacks_folds
+    }
+
+    /// The sample of all strips; `None` if they lack a side channel of folds.
+    pub(super) fn finish(mut self) -> Option<Self> {
+        if self.lacks_folds {
+            return None;
+        }
+        self.counts = std::array::from_fn(|fold| fold_count(fold, self.samples));
+        self.count_pictures(self.samples);
+        Some(self)
     }
 
     /// How many lanes it has.
@@ -120,7 +137,7 @@ impl Sample {
 
     /// Adds the pixels of the next strip whose hashes begin with the most zeros. Which are left
     /// in the end does not depend on how the batch is cut.
-    fn add(&mut self, strip: &SequenceBatch, means: &FoldMeans<'_>) {
+    fn add_pixels(&mut self, strip: &SequenceBatch, means: &FoldMeans<'_>) {
         self.channels = strip.grid().map_or(1, |grid| grid.channels());
         let pixels = strip.lanes() / self.channels;
         let first: usize = self.zeros.iter().sum();

@@ -6,14 +6,14 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use nst_core::{Estimates, SequenceBatch, Side, Strips, Support};
+use nst_core::{Estimates, Fitted, SequenceBatch, Side};
 use nst_files::{
     ColorModel,
     output::{Kind, Name, OutputFile, Outputs},
     picture_writer::PictureInfo,
     sequence_file::{ResumeInfo, SequenceInfo, SequenceWriter},
 };
-use nst_render::{Control, RenderSettings, Rendering, Scene, render_from};
+use nst_render::{Band, Consumer, Control, Estimator, RenderSettings, Rendering, Scene, render_to};
 
 use super::{
     describe, load_scene, outputs, paths, progress,
@@ -130,7 +130,19 @@ impl Job<'_> {
         let advance = |paths| bar.advance(paths);
         let control = Control { progress: &advance, stop: &interrupt::asked };
         let start = start.map(|start| start.from);
-        let rendering = render_from(start, scene, settings, control)?;
+        let mut estimated = Estimated::new(scene.size);
+        let put = |rows, estimates: &_| estimated.put(rows, estimates);
+        let mut estimator = caught(|| Estimator::new(&*method.transform, put));
+        let sides = estimator.as_ref().ok().and_then(Estimator::sides);
+        let mut take = |band: Band| {
+            if let Ok(it) = &mut estimator
+                && let Err(error) = caught(|| it.add(&band.rows))
+            {
+                estimator = Err(error);
+            }
+        };
+        let consumer = sides.map(|sides| Consumer { sides, take: &mut take });
+        let rendering = render_to(consumer, start, scene, settings, control)?;
         drop(bar);
 
         let _rest = Progress::step("transforming and writing", &args.common);
@@ -141,14 +153,16 @@ impl Job<'_> {
             .into_iter()
             .for_each(|path| written.push(path));
         let samples = rendering.samples();
-        let transformed =
-            timed(&mut watch.transform, || caught(|| Estimated::of(&rendering, &method)));
+        let transformed = timed(&mut watch.transform, || {
+            estimator.and_then(|it| caught(|| it.finish(&rendering)))
+        });
+        let fitted = transformed.map(|fitted| estimated.complete(&*fitted));
         let seconds = spent + rendering.time.as_secs_f32();
-        let estimated = transformed.as_ref().ok();
-        let judgement = estimated.and_then(|it| it.outcome.judgement.as_ref());
+        let shown = fitted.is_ok().then_some(&estimated);
+        let judgement = shown.and_then(|it| it.outcome.judgement.as_ref());
         let info = header(samples, Some(seconds), judgement);
-        written.extend(timed(&mut watch.io, || write(&rendering, picture, estimated, &info))?);
-        let estimated = transformed.map_err(|why| {
+        written.extend(timed(&mut watch.io, || write(&rendering, picture, shown, &info))?);
+        fitted.map_err(|why| {
             let saved = format!("{} show the plain estimates", written.join(", "));
             Error::Transform { why: why.to_string(), saved }
         })?;
@@ -261,32 +275,20 @@ struct Estimated {
 }
 
 impl Estimated {
-    /// Applies a method, strip by strip.
-    fn of(rendering: &Rendering, method: &Method) -> Result<Self, nst_core::Error> {
-        let needs = method.transform.requires();
-        let [width, height] = rendering.size();
-        let strips = rendering.strips();
-        let mut strips =
-            if needs.support == Support::Picture { strips.with_rows(height) } else { strips };
-        let fitted = method.transform.fit(&mut strips)?;
-
-        let (width, pixels) = (width as usize, width as usize * height as usize);
-        let lanes = pixels * ColorModel::Rgb.channels().len();
-        let errors = vec![0.0; if fitted.estimates_errors() { lanes } else { 0 }];
-        let outcome = Outcome::new(fitted.judgement().cloned());
-        let mut estimated = Self { values: vec![0.0; lanes], errors, pixels, width, outcome };
-        let mut estimates = Estimates::default();
-        let mut strips = strips.with_sides(&needs.all_sides());
-        strips.rewind(needs.halo())?;
-        while let Some(strip) = strips.next_rows() {
-            fitted.apply(&strip, &mut estimates)?;
-            estimated.put(rows(&strip), &estimates);
-        }
-        Ok(estimated)
+    /// Of no rows yet. It takes memory from the first ones on: whether a picture fits is not
+    /// known before it is rendered.
+    fn new([width, height]: [u32; 2]) -> Self {
+        let (width, pixels) = (width as usize, (width as usize).saturating_mul(height as usize));
+        let [values, errors] = [Vec::new(), Vec::new()];
+        Self { values, errors, pixels, width, outcome: Outcome::default() }
     }
 
     /// Takes the estimates of some rows.
     fn put(&mut self, rows: Range<usize>, estimates: &Estimates) {
+        self.values.resize(self.pixels * ColorModel::Rgb.channels().len(), 0.0);
+        if !estimates.errors().is_empty() {
+            self.errors.resize(self.values.len(), 0.0);
+        }
         let place = rows.start * self.width..rows.end * self.width;
         let pictures =
             [(&mut self.values, estimates.values()), (&mut self.errors, estimates.errors())];
@@ -297,6 +299,14 @@ impl Estimated {
             }
         }
         self.outcome.add(estimates);
+    }
+
+    /// Takes what the method says of all rows.
+    fn complete(&mut self, fitted: &dyn Fitted) {
+        if fitted.estimates_errors() {
+            self.errors.resize(self.values.len(), 0.0);
+        }
+        self.outcome.judgement = fitted.judgement().cloned();
     }
 
     /// Some rows of the estimates, or of their errors.
