@@ -1,7 +1,7 @@
 //! Scenes whose radiance has a closed form.
 
 use glam::Vec3A;
-use nst_core::{Keep, SequenceBatch, Side};
+use nst_core::{FurtherPowers, Keep, SequenceBatch, Side};
 use nst_render::{
     Camera, Environment, Material, RenderSettings, SamplerKind, Scattering, Scene, Triangle, render,
 };
@@ -52,6 +52,7 @@ fn sequences(scene: &Scene, spp: u32) -> SequenceBatch {
         seed: 5,
         keep: Keep::Window(8),
         features: false,
+        powers: FurtherPowers::NONE,
     };
     render(scene, &settings, &|_| {}).expect("the scene renders").batch()
 }
@@ -154,6 +155,7 @@ fn variance_is_estimated_without_bias() {
                 seed,
                 keep: Keep::Window(1),
                 features: false,
+                powers: FurtherPowers::NONE,
             };
             render(&scene, &settings, &|_| {}).expect("the scene renders").batch()
         })

@@ -3,7 +3,9 @@
 use std::{collections::BTreeMap, ops::Range};
 
 use ndarray::Array2;
-use nst_core::{Extent, FeatureSums, Grid, LaneSums, SequenceBatch, Side};
+use nst_core::{
+    Extent, FOLDS, FeatureSums, FurtherPowers, Grid, LaneSums, SequenceBatch, Side, fold_count,
+};
 use rayon::prelude::*;
 
 use crate::{
@@ -24,6 +26,8 @@ pub(crate) struct TileView<'a> {
     pub(crate) terms: Vec<&'a [f32]>,
     /// `[pixel]`, if they are kept.
     pub(crate) features: Option<&'a [FeatureSums]>,
+    /// Sums of further powers, `[power][channel][pixel]`.
+    pub(crate) further: Vec<&'a [[f64; FOLDS]]>,
     pub(crate) skipped: &'a Skipped,
 }
 
@@ -35,6 +39,7 @@ pub(crate) struct Strip<'a> {
     pub(crate) slots: Slots,
     /// How many samples each pixel has.
     pub(crate) samples: u32,
+    pub(crate) powers: FurtherPowers,
     /// All tiles that have some of these rows, from the top, and from the left.
     pub(crate) tiles: Vec<TileView<'a>>,
 }
@@ -111,6 +116,7 @@ impl Strip<'_> {
             }
         });
         let mut sides: Vec<_> = of_sums.into_iter().cloned().zip(planes).collect();
+        sides.extend(self.power_means(grid, wanted));
         if wanted.contains(&Side::Skipped) {
             sides.push((Side::Skipped, self.skipped(grid)));
         }
@@ -134,6 +140,30 @@ impl Strip<'_> {
             FeatureSums::write_side(features, side, channel, self.samples, out[0]);
         });
         means
+    }
+
+    /// Those of the means of further powers, if each fold has a sample.
+    fn power_means(&self, grid: &Grid, wanted: &[Side]) -> Vec<(Side, Vec<f32>)> {
+        let mut sides = Vec::new();
+        if (self.samples as usize) < FOLDS {
+            return sides;
+        }
+        for (index, power) in self.powers.iter().enumerate() {
+            for (fold, side) in Side::power_means(power).into_iter().enumerate() {
+                if !wanted.contains(&side) {
+                    continue;
+                }
+                let (mut means, count) = (vec![0.0; grid.lanes()], fold_count(fold, self.samples));
+                self.fill(&mut [&mut means[..]], |tile, channel, pixels, out| {
+                    let sums = &tile.further[index * CHANNELS + channel][pixels];
+                    for (out, sums) in out[0].iter_mut().zip(sums) {
+                        *out = power.mean_of(sums[fold] / count) as f32;
+                    }
+                });
+                sides.push((side, means));
+            }
+        }
+        sides
     }
 
     /// How many samples of each pixel count as black.

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, ops::Range};
 
-use nst_core::{FOLDS, FeatureSums, Grid, LaneSums, Side};
+use nst_core::{FOLDS, FeatureSums, FurtherPowers, Grid, LaneSums, Power, Side};
 
 use crate::{
     Error,
@@ -29,6 +29,9 @@ pub(crate) struct Film {
     sums: Vec<LaneSums>,
     /// `[pixel]`, if they are wanted.
     features: Option<Vec<FeatureSums>>,
+    pub(crate) powers: FurtherPowers,
+    /// Their sums of each fold, `[power][channel][pixel]`.
+    further: Vec<[f64; FOLDS]>,
     /// By tile: the pixels with samples that counted as black, and their number.
     skipped: Vec<Skipped>,
 }
@@ -58,6 +61,8 @@ impl Film {
             terms: memory::zeros(slots.count().saturating_mul(grid.lanes()), needed)?,
             sums: memory::zeros(grid.lanes(), needed)?,
             features: features.transpose()?,
+            powers: settings.powers,
+            further: memory::zeros(settings.powers.count() * grid.lanes(), needed)?,
             skipped,
         })
     }
@@ -120,14 +125,16 @@ impl Film {
         let (pixels, slots) = (self.grid.pixels(), self.slots);
         let sums = tiles::split(self.sums.chunks_exact_mut(pixels), self.size);
         let terms = tiles::split(self.terms.chunks_exact_mut(pixels), self.size);
+        let further = tiles::split(self.further.chunks_exact_mut(pixels), self.size);
         let features = self.features.iter_mut().map(Vec::as_mut_slice);
         let features = tiles::split(features, self.size);
-        let parts = sums.into_iter().zip(terms).zip(features).zip(&mut self.skipped);
+        let powers: Vec<Power> = self.powers.iter().collect();
+        let parts = sums.into_iter().zip(terms).zip(further).zip(features).zip(&mut self.skipped);
         tiles::tiles(self.size)
             .zip(parts)
-            .map(|(tile, (((sums, terms), features), skipped))| {
-                let features = features.into_iter().next();
-                (tile, TileFilm { slots, sums, terms, features, skipped })
+            .map(|(tile, ((((sums, terms), further), features), skipped))| {
+                let (powers, features) = (powers.clone(), features.into_iter().next());
+                (tile, TileFilm { slots, sums, terms, powers, further, features, skipped })
             })
             .collect()
     }
@@ -143,10 +150,12 @@ impl Film {
             sums: parts(&self.sums, self.grid.pixels(), &tile.place(width)),
             terms: parts(&self.terms, self.grid.pixels(), &tile.place(width)),
             features: self.features.as_ref().map(|pixels| &pixels[tile.place(width)]),
+            further: parts(&self.further, self.grid.pixels(), &tile.place(width)),
             skipped,
         };
         let tiles = tiles.map(view).collect();
-        Strip { rows, width, slots: self.slots, samples: self.samples, tiles }
+        let Self { slots, samples, powers, .. } = *self;
+        Strip { rows, width, slots, samples, powers, tiles }
     }
 
     /// Whether features are kept.
@@ -174,6 +183,9 @@ pub(crate) struct TileFilm<'a> {
     terms: Vec<&'a mut [f32]>,
     /// `[pixel]`, if they are wanted.
     features: Option<&'a mut [FeatureSums]>,
+    pub(crate) powers: Vec<Power>,
+    /// `[power][channel][pixel]`
+    further: Vec<&'a mut [[f64; FOLDS]]>,
     skipped: &'a mut Skipped,
 }
 
@@ -182,7 +194,9 @@ impl TileFilm<'_> {
     pub(crate) fn view(&self, tile: Tile) -> TileView<'_> {
         let sums = self.sums.iter().map(|lanes| &**lanes).collect();
         let terms = self.terms.iter().map(|term| &**term).collect();
-        TileView { tile, sums, terms, features: self.features.as_deref(), skipped: self.skipped }
+        let further = self.further.iter().map(|sums| &**sums).collect();
+        let features = self.features.as_deref();
+        TileView { tile, sums, terms, further, features, skipped: self.skipped }
     }
 
     /// Whether features are wanted.
@@ -197,6 +211,7 @@ impl TileFilm<'_> {
         if let Some(features) = &mut self.features {
             features.fill(FeatureSums::default());
         }
+        self.further.iter_mut().for_each(|lanes| lanes.fill([0.0; FOLDS]));
     }
 
     /// Adds a sample to its pixel, in a pass that ends with S_`end`. Sums are in f64: the
@@ -217,6 +232,12 @@ impl TileFilm<'_> {
         }
         for (lanes, sample) in self.sums.iter_mut().zip(rgb) {
             lanes[pixel].add(index, sample);
+        }
+        let fold = index as usize % FOLDS;
+        for (power, lanes) in self.powers.iter().zip(self.further.chunks_exact_mut(CHANNELS)) {
+            for (lanes, sample) in lanes.iter_mut().zip(rgb) {
+                lanes[pixel][fold] += power.of(sample);
+            }
         }
         let n = index + 1;
         for slot in self.slots.of(n, end) {
@@ -272,6 +293,7 @@ mod tests {
             seed: 0,
             keep: Keep::Window(2),
             features: false,
+            powers: FurtherPowers::NONE,
         }
     }
 

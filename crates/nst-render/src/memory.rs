@@ -1,7 +1,7 @@
 //! Checks whether a rendering fits into memory, before it begins.
 
 use bytemuck::Zeroable;
-use nst_core::{FeatureSums, LaneSums};
+use nst_core::{FOLDS, FeatureSums, LaneSums};
 
 use crate::{
     Error,
@@ -18,8 +18,9 @@ pub(crate) fn needed(size: [u32; 2], settings: &RenderSettings) -> u128 {
 
 fn bytes_per_pixel(settings: &RenderSettings) -> u128 {
     let slots = Slots::new(settings.keep, settings.spp).count() as u128;
-    let lane = slots * size_of::<f32>() as u128 + size_of::<LaneSums>() as u128;
-    CHANNELS as u128 * lane + if settings.features { size_of::<FeatureSums>() as u128 } else { 0 }
+    let sums = size_of::<LaneSums>() + settings.powers.count() * size_of::<[f64; FOLDS]>();
+    let features = if settings.features { size_of::<FeatureSums>() } else { 0 };
+    CHANNELS as u128 * (slots * size_of::<f32>() as u128 + sums as u128) + features as u128
 }
 
 /// Fails if a rendering needs more memory than is free, before anything is allocated;
@@ -89,7 +90,7 @@ fn available() -> Option<u64> {
 
 #[cfg(test)]
 mod tests {
-    use nst_core::Keep;
+    use nst_core::{FurtherPowers, Keep};
 
     use super::*;
     use crate::SamplerKind;
@@ -109,6 +110,7 @@ mod tests {
                 seed: 0,
                 keep: Keep::All,
                 features: false,
+                powers: FurtherPowers::NONE,
             };
             assert_eq!(advice(size, &settings, 1 << 27), expected);
         }

@@ -232,7 +232,7 @@ mod tests {
         sync::atomic::{AtomicU32, Ordering},
     };
 
-    use nst_core::{Keep, Side};
+    use nst_core::{FurtherPowers, Keep, Side};
 
     use super::*;
     use crate::SamplerKind;
@@ -261,7 +261,14 @@ mod tests {
         for keep in [Keep::Window(8), Keep::All, Keep::Pow2(3)] {
             for sampler in [SamplerKind::Random, SamplerKind::Halton, SamplerKind::HaltonFolds] {
                 let features = sampler != SamplerKind::Halton;
-                let settings = RenderSettings { spp: 41, sampler, seed: 3, keep, features };
+                let settings = RenderSettings {
+                    spp: 41,
+                    sampler,
+                    seed: 3,
+                    keep,
+                    powers: FurtherPowers::NONE,
+                    features,
+                };
                 let whole = render(&scene(), &settings, &|_| {}).expect("the scene renders");
                 let mut part = stopped(None, &settings, 1);
                 assert_eq!(part.samples(), 16);
@@ -282,8 +289,14 @@ mod tests {
     #[test]
     fn features_come_beside_the_same_sequences() {
         let keep = Keep::All;
-        let with =
-            RenderSettings { spp: 6, sampler: SamplerKind::Random, seed: 3, keep, features: true };
+        let with = RenderSettings {
+            spp: 6,
+            sampler: SamplerKind::Random,
+            seed: 3,
+            keep,
+            powers: FurtherPowers::NONE,
+            features: true,
+        };
         let without = RenderSettings { features: false, ..with };
         let of = |scene: &Scene, settings| {
             render(scene, settings, &|_| {}).expect("the scene renders").batch()
@@ -324,6 +337,7 @@ mod tests {
             seed: 3,
             keep: Keep::Window(4),
             features: false,
+            powers: FurtherPowers::NONE,
         };
         let whole = || start(&render(&scene(), &settings, &|_| {}).expect("the scene renders"));
         let more = RenderSettings { spp: 12, ..settings };

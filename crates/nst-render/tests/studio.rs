@@ -3,7 +3,7 @@
 
 use std::fmt::Write;
 
-use nst_core::Keep;
+use nst_core::{FurtherPowers, Keep};
 use nst_render::{
     Lighting, LoadOptions, PixelFilter, RenderSettings, SamplerKind, Scene, View, render,
 };
@@ -108,6 +108,7 @@ fn levels(scene: &Scene, spp: u32) -> Vec<f64> {
         seed: 1,
         keep: Keep::Window(1),
         features: false,
+        powers: FurtherPowers::NONE,
     };
     let rendering = render(scene, &settings, &|_| {}).expect("the scene renders");
     let pixels = (SIZE[0] * SIZE[1]) as usize;
@@ -203,6 +204,7 @@ fn lamps_are_not_in_the_picture() {
                 seed: 1,
                 keep: Keep::Window(1),
                 features: false,
+                powers: FurtherPowers::NONE,
             };
             let rendering = render(&scene, &settings, &|_| {}).expect("the scene renders");
             let background = scene.environment.background.expect("a studio").x;

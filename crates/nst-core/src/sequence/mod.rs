@@ -2,6 +2,7 @@
 
 mod batch;
 mod features;
+mod further_powers;
 mod grid;
 mod keep;
 mod power;
@@ -12,6 +13,7 @@ mod sums;
 
 pub use batch::{LANES_PER_BLOCK, SequenceBatch};
 pub use features::FeatureSums;
+pub use further_powers::FurtherPowers;
 pub use grid::Grid;
 pub use keep::Keep;
 pub use power::{Power, root};

@@ -85,5 +85,5 @@ impl PathTracer<'_> {
 /// Each coordinate, or 0 if it is not a number.
 #[inline(always)]
 fn within_0_and_1(color: Vec3) -> Vec3 {
-    Vec3::from_array(color.to_array().map(|x| x.max(0.0).min(1.0)))
+    Vec3::from_array(color.to_array().map(|x| if x > 0.0 { x.min(1.0) } else { 0.0 }))
 }

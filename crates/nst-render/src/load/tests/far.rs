@@ -1,6 +1,6 @@
 //! Scenes far from the origin, as maps and scanners have them.
 
-use nst_core::{Keep, Side};
+use nst_core::{FurtherPowers, Keep, Side};
 
 use super::*;
 use crate::{RenderSettings, SamplerKind, render};
@@ -36,6 +36,7 @@ fn mean(scene: &Scene, seed: u64) -> [f64; 2] {
         seed,
         keep: Keep::Window(2),
         features: false,
+        powers: FurtherPowers::NONE,
     };
     let batch = render(scene, &settings, &|_| {}).expect("it fits the memory").batch();
     let red = 32 * 32;

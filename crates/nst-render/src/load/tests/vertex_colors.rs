@@ -1,6 +1,6 @@
 //! Colours behind the coordinates of vertices.
 
-use nst_core::Keep;
+use nst_core::{FurtherPowers, Keep};
 
 use super::*;
 use crate::{RenderSettings, SamplerKind, render};
@@ -96,6 +96,7 @@ fn picture(files: &[(&str, &str)]) -> Vec<f32> {
         seed: 1,
         keep: Keep::Window(1),
         features: false,
+        powers: FurtherPowers::NONE,
     };
     let rendering = render(&scene, &settings, &|_| {}).expect("it fits the memory");
     rendering.last()

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nst_core::{Keep, halves::Halves};
+use nst_core::{FurtherPowers, Keep, halves::Halves};
 use nst_files::{
     ColorModel,
     output::OutputFile,
@@ -175,6 +175,7 @@ fn half(
         seed,
         keep: Keep::Window(1),
         features: false,
+        powers: FurtherPowers::NONE,
     };
     let rendering = render_from(None, scene, &settings, control)?;
     if rendering.samples() != spp {
