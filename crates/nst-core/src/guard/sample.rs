@@ -113,6 +113,12 @@ impl Sample {
         pixel * self.channels..(pixel + 1) * self.channels
     }
 
+    /// Which half of the chessboard each lane is in.
+    pub(super) fn halves(&self) -> Vec<u8> {
+        let of_pixel = |pixel: &Pixel| std::iter::repeat_n(pixel.half, self.channels);
+        self.pixels.iter().flat_map(of_pixel).collect()
+    }
+
     /// What `task` makes of ranges of pixels, in their order: the ranges do not depend on the
     /// number of threads.
     pub(super) fn in_tasks<T: Send>(&self, task: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
