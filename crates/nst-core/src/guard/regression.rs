@@ -101,7 +101,7 @@ fn inputs(lanes: &Lanes, lane: usize) -> [f64; INPUTS] {
     [
         1.0,
         f64::from(lanes.log_scale[lane]) / 2.0,
-        f64::from(lanes.root_spread[lane]).sqrt(),
+        lanes.root_spread[lane].sqrt().into(),
         f64::from(lanes.log_spread[lane]) / 3.0,
         size / (size + lanes.unit),
     ]

@@ -187,7 +187,7 @@ impl Lanes {
     #[inline(always)]
     pub(super) fn bounds(&self, lane: usize) -> Bounds {
         let mean = f64::from(self.mean[lane]);
-        let most = MOST_ERRORS * f64::from(self.variance[lane]).sqrt();
+        let most = MOST_ERRORS * f64::from(self.variance[lane].sqrt());
         let away = most * (1.0 - f64::from(self.root_spread[lane]));
         let towards = most.min(mean.abs());
         let (down, up) = if mean < 0.0 { (away, towards) } else { (towards, away) };
