@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, ops::Range};
 
 use ndarray::Array2;
-use nst_core::{Grid, LaneSums, SequenceBatch, Side};
+use nst_core::{FOLDS, FurtherPowers, Grid, LaneSums, SequenceBatch, Side, fold_count};
 use rayon::prelude::*;
 
 use crate::{
@@ -22,6 +22,8 @@ pub(crate) struct TileView<'a> {
     pub(crate) sums: Vec<&'a [LaneSums]>,
     /// `[slot][channel][pixel]`
     pub(crate) terms: Vec<&'a [f32]>,
+    /// Sums of further powers, `[power][channel][pixel]`.
+    pub(crate) further: Vec<&'a [[f64; FOLDS]]>,
     pub(crate) skipped: &'a Skipped,
 }
 
@@ -33,6 +35,7 @@ pub(crate) struct Strip<'a> {
     pub(crate) slots: Slots,
     /// How many samples each pixel has.
     pub(crate) samples: u32,
+    pub(crate) powers: FurtherPowers,
     /// All tiles that have some of these rows, from the top, and from the left.
     pub(crate) tiles: Vec<TileView<'a>>,
 }
@@ -106,8 +109,33 @@ impl Strip<'_> {
             }
         });
         let mut sides: Vec<_> = of_sums.into_iter().cloned().zip(planes).collect();
+        sides.extend(self.power_means(grid, wanted));
         if wanted.contains(&Side::Skipped) {
             sides.push((Side::Skipped, self.skipped(grid)));
+        }
+        sides
+    }
+
+    /// Those of the means of further powers, if each fold has a sample.
+    fn power_means(&self, grid: &Grid, wanted: &[Side]) -> Vec<(Side, Vec<f32>)> {
+        let mut sides = Vec::new();
+        if (self.samples as usize) < FOLDS {
+            return sides;
+        }
+        for (index, power) in self.powers.iter().enumerate() {
+            for (fold, side) in Side::power_means(power).into_iter().enumerate() {
+                if !wanted.contains(&side) {
+                    continue;
+                }
+                let (mut means, count) = (vec![0.0; grid.lanes()], fold_count(fold, self.samples));
+                self.fill(&mut [&mut means[..]], |tile, channel, pixels, out| {
+                    let sums = &tile.further[index * CHANNELS + channel][pixels];
+                    for (out, sums) in out[0].iter_mut().zip(sums) {
+                        *out = power.mean_of(sums[fold] / count) as f32;
+                    }
+                });
+                sides.push((side, means));
+            }
         }
         sides
     }

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, ops::Range};
 
-use nst_core::{Grid, LaneSums, Side};
+use nst_core::{FOLDS, FurtherPowers, Grid, LaneSums, Power, Side};
 
 use crate::{
     Error,
@@ -26,6 +26,9 @@ pub(crate) struct Film {
     terms: Vec<f32>,
     /// `[channel][pixel]`
     sums: Vec<LaneSums>,
+    pub(crate) powers: FurtherPowers,
+    /// Their sums of each fold, `[power][channel][pixel]`.
+    further: Vec<[f64; FOLDS]>,
     /// By tile: the pixels with samples that counted as black, and their number.
     skipped: Vec<Skipped>,
 }
@@ -53,6 +56,8 @@ impl Film {
             samples: 0,
             terms: memory::zeros(slots.count().saturating_mul(grid.lanes()), needed)?,
             sums: memory::zeros(grid.lanes(), needed)?,
+            powers: settings.powers,
+            further: memory::zeros(settings.powers.count() * grid.lanes(), needed)?,
             skipped,
         })
     }
@@ -110,11 +115,13 @@ impl Film {
         let (pixels, slots) = (self.grid.pixels(), self.slots);
         let sums = tiles::split(self.sums.chunks_exact_mut(pixels), self.size);
         let terms = tiles::split(self.terms.chunks_exact_mut(pixels), self.size);
-        let parts = sums.into_iter().zip(terms).zip(&mut self.skipped);
+        let further = tiles::split(self.further.chunks_exact_mut(pixels), self.size);
+        let powers: Vec<Power> = self.powers.iter().collect();
+        let parts = sums.into_iter().zip(terms).zip(further).zip(&mut self.skipped);
         tiles::tiles(self.size)
             .zip(parts)
-            .map(|(tile, ((sums, terms), skipped))| {
-                (tile, TileFilm { slots, sums, terms, skipped })
+            .map(|(tile, (((sums, terms), further), skipped))| {
+                (tile, TileFilm { slots, sums, terms, powers: powers.clone(), further, skipped })
             })
             .collect()
     }
@@ -129,10 +136,12 @@ impl Film {
             tile,
             sums: parts(&self.sums, self.grid.pixels(), &tile.place(width)),
             terms: parts(&self.terms, self.grid.pixels(), &tile.place(width)),
+            further: parts(&self.further, self.grid.pixels(), &tile.place(width)),
             skipped,
         };
         let tiles = tiles.map(view).collect();
-        Strip { rows, width, slots: self.slots, samples: self.samples, tiles }
+        let Self { slots, samples, powers, .. } = *self;
+        Strip { rows, width, slots, samples, powers, tiles }
     }
 
     /// How many samples of the whole picture count as black.
@@ -153,6 +162,9 @@ pub(crate) struct TileFilm<'a> {
     sums: Vec<&'a mut [LaneSums]>,
     /// `[slot][channel][pixel]`
     terms: Vec<&'a mut [f32]>,
+    pub(crate) powers: Vec<Power>,
+    /// `[power][channel][pixel]`
+    further: Vec<&'a mut [[f64; FOLDS]]>,
     skipped: &'a mut Skipped,
 }
 
@@ -161,13 +173,15 @@ impl TileFilm<'_> {
     pub(crate) fn view(&self, tile: Tile) -> TileView<'_> {
         let sums = self.sums.iter().map(|lanes| &**lanes).collect();
         let terms = self.terms.iter().map(|term| &**term).collect();
-        TileView { tile, sums, terms, skipped: self.skipped }
+        let further = self.further.iter().map(|sums| &**sums).collect();
+        TileView { tile, sums, terms, further, skipped: self.skipped }
     }
 
     /// Writes to the memory of an empty film's sums. To read them first, as adding does, costs
     /// twice as many page faults.
     pub(crate) fn clear(&mut self) {
         self.sums.iter_mut().for_each(|lanes| lanes.fill(LaneSums::default()));
+        self.further.iter_mut().for_each(|lanes| lanes.fill([0.0; FOLDS]));
     }
 
     /// Adds a sample to its pixel, in a pass that ends with S_`end`. Sums are in f64: the
@@ -181,6 +195,12 @@ impl TileFilm<'_> {
         }
         for (lanes, sample) in self.sums.iter_mut().zip(rgb) {
             lanes[pixel].add(index, sample);
+        }
+        let fold = index as usize % FOLDS;
+        for (power, lanes) in self.powers.iter().zip(self.further.chunks_exact_mut(CHANNELS)) {
+            for (lanes, sample) in lanes.iter_mut().zip(rgb) {
+                lanes[pixel][fold] += power.of(sample);
+            }
         }
         let n = index + 1;
         for slot in self.slots.of(n, end) {
@@ -202,7 +222,13 @@ mod tests {
     use crate::{Rendering, SamplerKind};
 
     fn settings(spp: u32) -> RenderSettings {
-        RenderSettings { spp, sampler: SamplerKind::Random, seed: 0, keep: Keep::Window(2) }
+        RenderSettings {
+            spp,
+            sampler: SamplerKind::Random,
+            seed: 0,
+            keep: Keep::Window(2),
+            powers: FurtherPowers::NONE,
+        }
     }
 
     /// Adds some samples of all pixels, of which those of pixel (20, 3) are `odd`.

@@ -226,7 +226,7 @@ mod tests {
         sync::atomic::{AtomicU32, Ordering},
     };
 
-    use nst_core::Keep;
+    use nst_core::{FurtherPowers, Keep};
 
     use super::*;
     use crate::SamplerKind;
@@ -253,7 +253,8 @@ mod tests {
     fn a_rendering_goes_on_where_it_stopped() {
         for keep in [Keep::Window(8), Keep::All, Keep::Pow2(3)] {
             for sampler in [SamplerKind::Random, SamplerKind::Halton, SamplerKind::HaltonFolds] {
-                let settings = RenderSettings { spp: 41, sampler, seed: 3, keep };
+                let settings =
+                    RenderSettings { spp: 41, sampler, seed: 3, keep, powers: FurtherPowers::NONE };
                 let whole = render(&scene(), &settings, &|_| {}).expect("the scene renders");
                 let mut part = stopped(None, &settings, 1);
                 assert_eq!(part.samples(), 16);
@@ -279,8 +280,13 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_not_continued() {
-        let settings =
-            RenderSettings { spp: 9, sampler: SamplerKind::Random, seed: 3, keep: Keep::Window(4) };
+        let settings = RenderSettings {
+            spp: 9,
+            sampler: SamplerKind::Random,
+            seed: 3,
+            keep: Keep::Window(4),
+            powers: FurtherPowers::NONE,
+        };
         let whole = || start(&render(&scene(), &settings, &|_| {}).expect("the scene renders"));
         let more = RenderSettings { spp: 12, ..settings };
         let control = Control { progress: &|_| {}, stop: &|| false };

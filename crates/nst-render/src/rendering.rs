@@ -2,15 +2,15 @@
 
 use std::{borrow::Cow, ops::Range, time::Duration};
 
-use nst_core::{LaneSums, SequenceBatch, Side, Strips};
+use nst_core::{FOLDS, LaneSums, SequenceBatch, Side, Strips};
 
 use crate::{film::Film, tiles::TILE};
 
 /// What [`render()`](crate::render()) returns: sequences of three planar channels of lanes, in
 /// a grid. In memory are the kept terms, and the sums from which it can be continued; side
 /// channels are made where they are asked for: the means of the folds (from
-/// [`FOLDS`](nst_core::FOLDS) samples on), the variance of S_N (from two on), and the number of
-/// samples that were not finite (where any was).
+/// [`FOLDS`] samples on), those of further powers that were asked for, the variance of S_N (from
+/// two on), and the number of samples that were not finite (where any was).
 #[derive(Clone, Debug)]
 pub struct Rendering {
     film: Film,
@@ -49,7 +49,11 @@ impl Rendering {
     #[must_use]
     pub fn sides(&self) -> Vec<Side> {
         let skipped = (self.skipped() > 0).then_some(&Side::Skipped);
-        Side::of_sums(self.film.samples).chain(skipped).cloned().collect()
+        let of_powers = self.film.powers.sides().filter(|_| self.samples() as usize >= FOLDS);
+        let of_sums = Side::of_sums(self.film.samples).chain(skipped).cloned();
+        let mut sides: Vec<Side> = of_sums.chain(of_powers).collect();
+        sides.sort_unstable();
+        sides
     }
 
     /// The number of samples that were not finite, and count as black.
@@ -149,7 +153,7 @@ impl Strips for RenderingStrips<'_> {
 
 #[cfg(test)]
 mod tests {
-    use nst_core::Keep;
+    use nst_core::{FurtherPowers, Keep, Power};
 
     use super::*;
     use crate::{RenderSettings, SamplerKind, Scene, render};
@@ -158,7 +162,13 @@ mod tests {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
         let scene = Scene::load(&path.join("../../scenes/cornell/cornell.obj"));
         let scene = Scene { size: [37, 50], ..scene.expect("the scene") };
-        let settings = RenderSettings { spp, sampler: SamplerKind::Random, seed: 3, keep };
+        let settings = RenderSettings {
+            spp,
+            sampler: SamplerKind::Random,
+            seed: 3,
+            keep,
+            powers: FurtherPowers::NONE,
+        };
         render(&scene, &settings, &|_| {}).expect("the scene renders")
     }
 
@@ -209,6 +219,40 @@ mod tests {
                     assert!(strip.sides().eq(sides.iter().map(|(s, values)| (*s, &values[..]))));
                 }
                 assert_eq!(next, 50);
+            }
+        }
+    }
+
+    /// Of one sample in each fold the power means are the sample; of several, a larger power has a
+    /// larger mean. The estimates are the same bits.
+    #[test]
+    fn means_of_further_powers() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+        let scene = Scene::load(&path.join("../../scenes/cornell/cornell.obj"));
+        let scene = Scene { size: [37, 18], ..scene.expect("the scene") };
+        let [quarter, four] = [0.25, 4.0].map(|p| Power::of_value(p).expect("a power of two"));
+        for spp in [3, 4, 9] {
+            let (sampler, keep) = (SamplerKind::Random, Keep::Window(2));
+            let usual = RenderSettings { spp, sampler, seed: 3, keep, powers: FurtherPowers::NONE };
+            let settings = RenderSettings { powers: FurtherPowers::of(&[four, quarter]), ..usual };
+            let of =
+                |settings| render(&scene, settings, &|_| {}).expect("the scene renders").batch();
+            let (batch, usual) = (of(&settings), of(&usual));
+            assert_eq!(batch.terms(), usual.terms());
+            assert_eq!(batch.sides().count(), usual.sides().count() + if spp < 4 { 0 } else { 8 });
+            for fold in (0..4).filter(|_| spp >= 4) {
+                let side = |side: Side| batch.side(&side).expect("a mean of a fold").to_vec();
+                let [low, mean, high] =
+                    [Side::PowerMean(quarter, fold), Side::Fold(fold), Side::PowerMean(four, fold)]
+                        .map(side);
+                // Means are rounded to f32.
+                let at_most = |a: f32, b: f32| a <= b * (1.0 + 2.0 * f32::EPSILON);
+                let lanes = low.iter().zip(&mean).zip(&high);
+                let rising = |((&a, &b), &c): ((&f32, &f32), &f32)| at_most(a, b) && at_most(b, c);
+                assert!(lanes.clone().all(rising), "{spp} spp, fold {fold}");
+                let equal = |((&a, &b), &c): ((&f32, &f32), &f32)| at_most(c, b) && at_most(b, a);
+                // Nine samples are three in the first fold, and two in the others.
+                assert_eq!(lanes.clone().all(equal), spp == 4, "{spp} spp, fold {fold}");
             }
         }
     }

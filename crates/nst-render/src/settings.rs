@@ -1,6 +1,6 @@
 //! What a rendering is asked for, and what it starts from.
 
-use nst_core::{Keep, LaneSums, SequenceBatch};
+use nst_core::{FurtherPowers, Keep, LaneSums, SequenceBatch};
 
 use crate::SamplerKind;
 
@@ -18,6 +18,8 @@ pub struct RenderSettings {
     pub seed: u64,
     /// The terms to keep.
     pub keep: Keep,
+    /// Powers of the samples whose sums are kept, too.
+    pub powers: FurtherPowers,
 }
 
 /// What a rendering is continued from.

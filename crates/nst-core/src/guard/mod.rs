@@ -18,6 +18,7 @@
 //! Lanes are alike if their brightness is. Pixels are split as on a chessboard: what is learnt
 //! from one half is applied to the other, so that the same sums say what T gains there.
 
+mod alone;
 mod hats;
 mod judge;
 mod logarithm;
@@ -32,11 +33,13 @@ mod weights;
 
 use rayon::prelude::*;
 
+pub use alone::Alone;
 pub use judge::Judgement;
 use judge::{ErrorRatios, judge};
 use refit::{Adapting, Refit};
 use regression::Regressions;
-use sample::{FoldMeans, FurtherMeans, GROUPS, Sample, fold_means, further_means, part_of};
+use sample::{CHUNK, FoldMeans, FurtherMeans, GROUPS, Sample, fold_means, further_means, part_of};
+use seen::STATISTICS;
 pub use seen::{Expert, Features, OfTransform, Seen};
 use simplex::MOST;
 use table::Table;
@@ -44,12 +47,9 @@ use view::{Lanes, View};
 use weights::{Changes, Weights, strata};
 
 use crate::{
-    Error, Estimates, FOLDS, Fit, Fitted, Power, Requirements, SequenceBatch, Side, Status, Strips,
-    Support, Transform,
+    Error, Estimates, FOLDS, Fit, Fitted, FurtherPowers, Power, Requirements, SequenceBatch,
+    Status, Strips, Transform,
 };
-
-/// Lanes per task of the thread pool when estimates are made.
-const CHUNK: usize = 4096;
 
 /// What the guard calls the experts that learn from the batch itself.
 const CORRECTIONS: [&str; 3] = ["relative regression", "regression", "table"];
@@ -109,12 +109,16 @@ impl Corrections {
 }
 
 impl Guard {
+    /// The most experts beside those that learn from the batch. One that
+    /// [adapts](Expert::adapts) counts twice: as itself, and fitted again.
+    pub const MOST_EXPERTS: usize = MOST - CORRECTIONS.len();
+
     /// A guard over these experts and those that learn from the batch.
     ///
     /// # Errors
     /// [`Error::Batch`] if there are too many.
     pub fn new(experts: Vec<Box<dyn Expert>>) -> Result<Self, Error> {
-        const MOST_EXPERTS: usize = MOST - CORRECTIONS.len();
+        const MOST_EXPERTS: usize = Guard::MOST_EXPERTS;
         let adapting = experts.iter().filter(|expert| expert.adapts().is_some()).count();
         if experts.len() + adapting > MOST_EXPERTS {
             let message = format!(
@@ -132,7 +136,7 @@ impl Guard {
     /// Those of `strips`.
     pub fn measure<'a>(&'a self, strips: &mut dyn Strips) -> Result<FittedGuard<'a>, Error> {
         strips.rewind(0)?;
-        let mut sample = Sample::new(&self.powers());
+        let mut sample = Sample::new(self.powers());
         while let Some(strip) = strips.next_strip()?
             && sample.add(&strip)
         {}
@@ -198,12 +202,9 @@ impl Guard {
     }
 
     /// The powers that experts need beside those that all batches have.
-    fn powers(&self) -> Vec<Power> {
-        let powers = self.experts.iter().flat_map(|expert| expert.powers()).copied();
-        let mut powers: Vec<_> = powers.filter(|power| !power.is_usual()).collect();
-        powers.sort_unstable();
-        powers.dedup();
-        powers
+    fn powers(&self) -> FurtherPowers {
+        let experts = self.experts.iter().map(|expert| FurtherPowers::of(expert.powers()));
+        experts.fold(FurtherPowers::NONE, FurtherPowers::with)
     }
 
     /// Asks all experts about views.
@@ -219,6 +220,9 @@ impl Guard {
                     let all = asked.changes.iter_mut().zip(changes);
                     all.for_each(|(all, changes)| all.push(changes));
                     asked.adapting.extend(adapting);
+                }
+                Err(Error::Batch(why)) => {
+                    asked.notes.push(format!("'{}' is left out: {why}", expert.name()));
                 }
                 Err(error) => {
                     asked.notes.push(format!("'{}' is left out: {error}", expert.name()));
@@ -330,7 +334,7 @@ struct Chunk<'a> {
 
 impl Transform for Guard {
     fn requires(&self) -> Requirements {
-        Requirements { window: 1, sides: Side::EVERY_OF_FOLDS, support: Support::Lane, fits: true }
+        Requirements { powers: self.powers(), ..STATISTICS }
     }
 
     fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
@@ -338,7 +342,7 @@ impl Transform for Guard {
     }
 
     fn start(&self) -> Option<Box<dyn Fit<'_> + '_>> {
-        Some(Box::new(Learning { guard: self, sample: Sample::new(&self.powers()) }))
+        Some(Box::new(Learning { guard: self, sample: Sample::new(self.powers()) }))
     }
 }
 

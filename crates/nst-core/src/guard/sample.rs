@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::{FOLDS, Power, SequenceBatch, Side, fold_count, random::mix};
+use crate::{FOLDS, FurtherPowers, Power, SequenceBatch, Side, fold_count, random::mix};
 
 /// The most pixels that weights are fitted to; of batches that have more, at least half as
 /// many are. Their sums are far from noise then.
@@ -12,6 +12,9 @@ const MOST_PIXELS: usize = 20_000;
 
 /// Pixels whose sums are one task of the thread pool, added in one order.
 const PIXELS_PER_TASK: usize = 1024;
+
+/// Lanes per task of the thread pool when estimates are made.
+pub(super) const CHUNK: usize = 4096;
 
 /// How many groups of folds are held out in turn: each fold is one.
 pub(super) const GROUPS: usize = FOLDS;
@@ -76,8 +79,8 @@ impl Default for Sample {
 
 impl Sample {
     /// Of no strips yet. Of these further powers, it will have those that the strips have.
-    pub(super) fn new(powers: &[Power]) -> Self {
-        let further = powers.iter().map(|&power| (power, Default::default())).collect();
+    pub(super) fn new(powers: FurtherPowers) -> Self {
+        let further = powers.iter().map(|power| (power, Default::default())).collect();
         Self { further, ..Self::default() }
     }
 

@@ -1,6 +1,7 @@
 //! Sequences of progressive estimates, side by side: what every method reads.
 
 mod batch;
+mod further_powers;
 mod grid;
 mod keep;
 mod power;
@@ -10,6 +11,7 @@ mod strips;
 mod sums;
 
 pub use batch::{LANES_PER_BLOCK, SequenceBatch};
+pub use further_powers::FurtherPowers;
 pub use grid::Grid;
 pub use keep::Keep;
 pub use power::{Power, root};

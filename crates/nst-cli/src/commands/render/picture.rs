@@ -53,10 +53,16 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     let advice =
         format!("use --spp {} or more, or --transform none", method.transform.requires().window);
     method.check_terms(args.spp as usize, &advice)?;
+    let needs = method.transform.requires();
     let settings = match &resumed {
-        None => settings(args, method.transform.requires().window, KeepArg::Window),
+        None => {
+            RenderSettings { powers: needs.powers, ..settings(args, needs.window, KeepArg::Window) }
+        }
         Some(resumed) => resumed.settings(args, &job.scene, &job.fingerprint, &method)?,
     };
+    let of_sums = Side::of_sums(settings.spp).cloned();
+    let sides: Vec<Side> = of_sums.chain(settings.powers.sides()).collect();
+    let lacking = method.check_statistics(&sides)?;
     // Opened before rendering, so that a path that cannot be written fails early.
     let files = Files::open(&job, resumed.as_ref())?;
 
@@ -66,7 +72,8 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     if let Some(start) = &start {
         say(&format!("resumed    from {} spp", start.samples), &args.common);
     }
-    job.render(watch, method, &settings, files, start)
+    let notes = lacking.into_iter().chain(method.note(args.method.backend)).collect();
+    job.render(watch, method, &settings, files, start, notes)
 }
 
 /// Reads the sequence that is to be continued.
@@ -114,6 +121,7 @@ impl Job<'_> {
         settings: &RenderSettings,
         files: Files,
         start: Option<Start>,
+        further_notes: Vec<String>,
     ) -> Result<Done, Error> {
         let Self { args, scene, .. } = self;
         let Files { sequence, picture } = files;
@@ -164,7 +172,8 @@ impl Job<'_> {
             build_time: rendering.build_time,
             paths: paths(scene, samples - done),
         };
-        let notes = self.notes(&rendering);
+        let mut notes = self.notes(&rendering);
+        notes.extend(further_notes);
         let report = watch.summary(
             Some(stats),
             &method,

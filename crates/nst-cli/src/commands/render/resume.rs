@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nst_core::Keep;
+use nst_core::{FurtherPowers, Keep};
 use nst_files::sequence_file::{ResumeInfo, SequenceFile, SequenceInfo, SequenceReader};
 use nst_render::{RenderSettings, SamplerKind, Scene};
 
@@ -71,7 +71,9 @@ impl Resumed {
             "render again from the start with this network, or use --transform none",
         )?;
         let (sampler, seed) = (self.sampler, self.seed);
-        Ok(RenderSettings { spp: args.spp, sampler, seed, keep: self.how.keep })
+        // Sums of further powers are not stored, so they cannot go on.
+        let powers = FurtherPowers::NONE;
+        Ok(RenderSettings { spp: args.spp, sampler, seed, keep: self.how.keep, powers })
     }
 
     fn refuse(&self, why: &str) -> Error {
