@@ -109,9 +109,17 @@ impl Strip<'_> {
         let of_sums: Vec<&Side> = of_sums.collect();
         let mut planes = vec![vec![0.0; grid.lanes()]; of_sums.len()];
         let mut outs: Vec<&mut [f32]> = planes.iter_mut().map(Vec::as_mut_slice).collect();
-        self.fill(&mut outs, |tile, channel, pixels, out| {
+        // They come first, if they are wanted at all.
+        let all_folds =
+            of_sums.iter().copied().take(Side::EVERY_OF_FOLDS.len()).eq(Side::EVERY_OF_FOLDS);
+        let at_once = if all_folds { Side::EVERY_OF_FOLDS.len() } else { 0 };
+        self.fill(&mut outs, |tile, channel, pixels, outs| {
             let sums = &tile.sums[channel][pixels];
-            for (side, out) in of_sums.iter().zip(out) {
+            let (folds, others) = outs.split_at_mut(at_once);
+            if all_folds {
+                LaneSums::write_folds(sums, self.samples, folds);
+            }
+            for (side, out) in of_sums[at_once..].iter().zip(others) {
                 LaneSums::write_side(sums, side, self.samples, out);
             }
         });
@@ -200,8 +208,9 @@ impl Strip<'_> {
         parts.into_par_iter().enumerate().for_each(|(i, mut outs)| {
             let (plane, y) = (i / self.rows.len(), self.rows.start + (i % self.rows.len()) as u32);
             let tiles = &self.tiles[(y / TILE - first) as usize * across..][..across];
+            let mut part: Vec<&mut [T]> = Vec::with_capacity(outs.len());
             for tile in tiles {
-                let mut part: Vec<&mut [T]> = Vec::with_capacity(outs.len());
+                part.clear();
                 for out in &mut outs {
                     let rest = std::mem::take(out);
                     let (left, right) = rest.split_at_mut(tile.tile.width as usize);

@@ -44,7 +44,7 @@ pub use seen::{Expert, Features, OfTransform, Seen};
 use simplex::MOST;
 use table::Table;
 use view::{Lanes, View};
-use weights::{Changes, Weights, of_lane, strata};
+use weights::{Changes, Weights, strata};
 
 use crate::{
     Error, Estimates, FOLDS, Fit, Fitted, FurtherPowers, Power, Requirements, SequenceBatch,
@@ -92,16 +92,17 @@ struct Corrections {
 }
 
 impl Corrections {
-    /// What they change, in the order of [`CORRECTIONS`], `[expert][lane]`; `half` says in which
-    /// half a lane is, and the other half teaches.
-    fn changes(&self, lanes: &Lanes, half: impl Fn(usize) -> usize) -> Vec<Vec<f32>> {
-        let mut changes = vec![vec![0.0; lanes.mean.len()]; CORRECTIONS.len()];
+    /// What they change, in the order of [`CORRECTIONS`], `[expert][lane]`, by the half that each
+    /// lane is in: the other half teaches.
+    fn changes(&self, lanes: &Lanes, halves: &[u8]) -> Vec<Vec<f32>> {
+        let mut changes = vec![vec![0.0; halves.len()]; CORRECTIONS.len()];
         let [of_relative, of_absolute, of_table] = &mut changes[..] else { unreachable!() };
-        let experts = of_relative.iter_mut().zip(of_absolute).zip(of_table);
-        for (lane, ((relative, absolute), table)) in experts.enumerate() {
-            let half = half(lane);
-            [*relative, *absolute] = self.regressions.changes(lanes, lane, half);
-            *table = self.table.change(lanes, lane, half);
+        let experts = of_relative.iter_mut().zip(of_absolute).zip(of_table).zip(halves);
+        for (lane, (((relative, absolute), table), &half)) in experts.enumerate() {
+            let bounds = lanes.bounds(lane);
+            let of_regressions = self.regressions.changes(lanes, lane, half.into());
+            [*relative, *absolute] = of_regressions.map(|change| bounds.of(change));
+            *table = bounds.of(self.table.change(lanes, lane, half.into()));
         }
         changes
     }
@@ -180,8 +181,9 @@ impl Guard {
         };
         let refit = |adapting| Refit::fit(adapting, &sample, held_out, &missing);
         let refits: Vec<Refit<'_>> = adapting.iter().map(refit).collect();
-        let half = |lane: usize| usize::from(sample.pixels[lane / sample.channels].half);
-        let of_corrections = lanes.par_iter().map(|lanes| corrections.changes(lanes, half));
+        let halves = sample.halves();
+        let half = |lane: usize| usize::from(halves[lane]);
+        let of_corrections = lanes.par_iter().map(|lanes| corrections.changes(lanes, &halves));
         let mut changes: Vec<Vec<Vec<f32>>> = of_corrections.collect();
         changes.iter_mut().zip(of_experts).for_each(|(all, of_experts)| all.extend(of_experts));
         for (refit, adapting) in refits.iter().zip(&adapting) {
@@ -281,20 +283,19 @@ impl FittedGuard<'_> {
     ) -> Result<(), Error> {
         let Learnt { corrections, weights, errors: ratios, unit, counts, .. } = learnt;
         let mut view = View::new(&chunk.means, &chunk.further, counts, GROUPS, Some(*unit));
+        let finite = view.finite();
         view.mean.copy_from_slice(chunk.last);
         let of_experts = self.experts.iter().map(|expert| change(*expert, &view));
-        let half = |lane: usize| chunk.strip.half(chunk.first + lane);
+        let halves = chunk.strip.halves(chunk.first..chunk.first + values.len());
+        let half = |lane: usize| usize::from(halves[lane]);
         let of_refits = self.refits.iter().map(|refit| refit.changes_of(&view, half));
         let of_experts = of_experts.chain(of_refits).collect::<Result<Vec<_>, _>>()?;
-        let finite = chunk.finite();
         let lanes = view.lanes();
-        let mut changes = corrections.changes(&lanes, half);
+        let mut changes = corrections.changes(&lanes, &halves);
         changes.extend(of_experts);
-        for (lane, value) in values.iter_mut().enumerate() {
-            let strata = strata(&lanes, lane, changes[0][lane]);
-            let (d, w) = (of_lane(&changes, lane), weights.at(strata, half(lane)));
-            let plain = f64::from(chunk.last[lane]);
-            *value = d.iter().zip(w).fold(plain, |sum, (d, w)| sum + d * w) as f32;
+        let strata = strata(&lanes, &changes[0]);
+        for (lane, (value, strata)) in values.iter_mut().zip(strata).enumerate() {
+            *value = weights.blend(strata, half(lane), chunk.last[lane], &changes, lane);
             errors[lane] = lanes.variance[lane].sqrt() * ratios.at(strata) as f32;
             if !(finite[lane] && value.is_finite()) {
                 (*value, status[lane], errors[lane]) =
@@ -329,17 +330,6 @@ struct Chunk<'a> {
     last: &'a [f32],
     means: FoldMeans<'a>,
     further: FurtherMeans<'a>,
-}
-
-impl Chunk<'_> {
-    /// Whether all numbers of a lane are, `[lane]`.
-    fn finite(&self) -> Vec<bool> {
-        let mut finite: Vec<bool> = self.last.iter().map(|x| x.is_finite()).collect();
-        for means in self.means.iter().flatten() {
-            finite.iter_mut().zip(*means).for_each(|(finite, x)| *finite &= x.is_finite());
-        }
-        finite
-    }
 }
 
 impl Transform for Guard {

@@ -1,6 +1,6 @@
 //! [`SequenceBatch`]: many sequences of progressive estimates, side by side.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, ops::Range};
 
 use ndarray::{Array2, ArrayView2, s};
 use rayon::prelude::*;
@@ -211,6 +211,23 @@ impl SequenceBatch {
         })
     }
 
+    /// The same for lanes that follow each other.
+    pub(crate) fn halves(&self, lanes: Range<usize>) -> Vec<u8> {
+        let (width, rows, first_row) = self.grid.map_or((self.lanes(), 1, 0), |grid| {
+            (grid.width(), grid.rows(), grid.first_row() as usize)
+        });
+        let mut halves = Vec::with_capacity(lanes.len());
+        let mut lane = lanes.start;
+        while lane < lanes.end {
+            let (row, x) = (lane / width, lane % width);
+            let first = x + row % rows + first_row;
+            let count = (width - x).min(lanes.end - lane);
+            halves.extend((first..first + count).map(|place| (place % 2) as u8));
+            lane += count;
+        }
+        halves
+    }
+
     /// Adds or replaces a side channel: one value per lane, or one or three per pixel of the
     /// grid, as its [extent](Side::extent) says.
     ///
@@ -282,6 +299,26 @@ mod tests {
         assert!(SequenceBatch::from_samples(2, &[1.0, 2.0, 3.0]).is_err());
         let mut batch = SequenceBatch::new(terms(), vec![1, 2]).expect("two terms, one lane");
         assert!(batch.set_side(Side::Fold(0), vec![1.0, 2.0]).is_err());
+    }
+
+    #[test]
+    fn halves_are_a_chessboard() -> Result<(), Error> {
+        let mut batch = SequenceBatch::new(Array2::zeros((1, 30)), vec![1])?;
+        let halves: Vec<u8> = (0..30).map(|lane| lane % 2).collect();
+        assert_eq!(batch.halves(0..30), halves);
+        for (width, rows, first_row, expected) in [(5, 2, 1, "1010101010"), (2, 5, 0, "0110011001")]
+        {
+            batch.set_grid(Grid::new(width, rows, 3, first_row)?)?;
+            let expected = expected.repeat(3);
+            for lanes in [0..30, 3..17, 9..10, 20..30, 7..7] {
+                let halves: String =
+                    batch.halves(lanes.clone()).iter().map(u8::to_string).collect();
+                assert_eq!(halves, expected[lanes.clone()], "{lanes:?}");
+                let each: String = lanes.map(|lane| batch.half(lane).to_string()).collect();
+                assert_eq!(each, halves);
+            }
+        }
+        Ok(())
     }
 
     #[test]
