@@ -30,6 +30,7 @@
 mod cholesky;
 mod compact;
 mod error;
+mod filter;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod guard;
@@ -44,6 +45,7 @@ mod sequence;
 mod transform;
 
 pub use error::Error;
+pub use filter::WelchFilter;
 pub use mlp::{Instructions, MlpCpu};
 pub use network::{Builtin, Layer, Metadata, Network, SampleForm, SampleNetwork, Weights};
 pub use sample_mlp::SampleMlp;

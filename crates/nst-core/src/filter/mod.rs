@@ -1,0 +1,125 @@
+//! The filter: averages pixels that a statistical test cannot tell apart.
+//!
+//! Around a pixel p, all pixels q at most [`RADIUS`] away count whose mean √y is equal to that
+//! of p for all one can tell: in each channel, Welch's t-test of
+//!
+//! ```text
+//! t² = (m_p − m_q)² / (v_p + v_q),   v = (mean y − m²) / (n − 1),   m = mean √y,
+//! ```
+//!
+//! stays below its quantile. On roots, as these are closer to a normal distribution than y is;
+//! and the variance of their mean needs no further sum. As the samples of a pixel may all have
+//! missed a rare light, v is at least half of what it is around it. Pixels that pass count by
+//! their distance, and by what tells them apart beside radiance (*guides*: albedo, normal):
+//!
+//! ```text
+//! w = (1 − s/8)⁸₊ ≈ exp(−s),   s = |p − q|²/(2 σ²) + Σ (g_p − g_q)²/(2 σ_g²).
+//! ```
+//!
+//! After Sakai, Freude, Auzinger, Hahn, Wimmer: *A Statistical Approach to Monte Carlo
+//! Denoising* (SIGGRAPH Asia 2024).
+
+mod kernel;
+mod planes;
+
+use kernel::Kernel;
+pub(crate) use planes::{Guide, Means, Planes};
+
+use crate::{
+    Error, Estimates, FOLDS, Fitted, Instructions, Requirements, SequenceBatch, Side, Status,
+    Strips, Support, Transform, fold_count,
+};
+
+/// How far pixels count, in pixels.
+pub(crate) const RADIUS: u32 = 10;
+
+/// σ of the distance, in pixels.
+const DISTANCE: f32 = 5.0;
+
+/// The quantile of the normal distribution that is exceeded, at either side, by 1 of 200.
+const QUANTILE: f64 = 2.807;
+
+/// The filter as a method of its own.
+#[derive(Clone, Copy, Debug)]
+pub struct WelchFilter {
+    instructions: Instructions,
+}
+
+impl Default for WelchFilter {
+    fn default() -> Self {
+        Self::new(Instructions::detect())
+    }
+}
+
+impl WelchFilter {
+    /// The filter with these instructions; all give the same bits.
+    #[must_use]
+    pub fn new(instructions: Instructions) -> Self {
+        Self { instructions }
+    }
+
+    /// Writes the filtered means of the inner rows of `planes`, `[channel][pixel]`.
+    pub(crate) fn run(&self, planes: &Planes, out: &mut [f32]) {
+        Kernel::new(planes).run(self.instructions, out);
+    }
+}
+
+/// The square of the quantile of Student's t at n − 1 degrees of freedom, the fewest that
+/// Welch's test may have (Cornish and Fisher's expansion: Abramowitz and Stegun, 26.7.5).
+fn threshold(samples: f64) -> f32 {
+    let (z, nu) = (QUANTILE, (samples - 1.0).max(1.0));
+    let powers = [z.powi(3), z.powi(5), z.powi(7)];
+    let terms = [
+        (powers[0] + z) / 4.0,
+        (5.0 * powers[1] + 16.0 * powers[0] + 3.0 * z) / 96.0,
+        (3.0 * powers[2] + 19.0 * powers[1] + 17.0 * powers[0] - 15.0 * z) / 384.0,
+    ];
+    let t = z + terms[0] / nu + terms[1] / nu.powi(2) + terms[2] / nu.powi(3);
+    (t * t) as f32
+}
+
+impl Transform for WelchFilter {
+    fn requires(&self) -> Requirements {
+        let support = Support::Radius(RADIUS + planes::BLUR);
+        Requirements { window: 1, sides: Side::EVERY_OF_FOLDS, support, fits: false }
+    }
+
+    fn fit(&self, _: &mut dyn Strips) -> Result<Box<dyn Fitted + '_>, Error> {
+        Ok(Box::new(self))
+    }
+}
+
+impl Fitted for WelchFilter {
+    /// Without a grid there are no neighbours, and all lanes keep S. Where pictures of several
+    /// samples each were packed, v is smaller than it should be, and less is averaged.
+    fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
+        let n = *strip.sample_counts().last().expect("a batch has a term");
+        let (Some(grid), Some(folds)) = (strip.grid(), folds(strip)) else {
+            out.fall_back(strip, Status::NoFolds);
+            return Ok(());
+        };
+        let shares = std::array::from_fn(|fold| fold_count(fold, n) / f64::from(n));
+        let root = planes::mean(&folds, &shares);
+        let means = Means { samples: n.into(), mean: strip.last(), root: &root };
+        let planes = Planes::new(grid, &means, &[]);
+        let last = grid.inner(strip.last());
+        let (values, status) = out.reset(last.len());
+        self.run(&planes, values);
+        for ((value, status), &last) in values.iter_mut().zip(status).zip(&*last) {
+            if !value.is_finite() {
+                (*value, *status) = (last, Status::NotFinite);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The means of the roots of each fold, each `[lane]`, if all are there.
+fn folds(batch: &SequenceBatch) -> Option<[&[f32]; FOLDS]> {
+    let sides = Side::OF_FOLDS[1].each_ref().map(|fold| batch.side(fold));
+    let [Some(a), Some(b), Some(c), Some(d)] = sides else { return None };
+    Some([a, b, c, d])
+}
+
+#[cfg(test)]
+mod tests;
