@@ -1,28 +1,33 @@
 //! The loops of the filter, over packets of pixels.
 
+use std::array::from_fn;
+
 use rayon::prelude::*;
 
 use super::{
     DISTANCE, RADIUS,
-    planes::{OF_CHANNEL, Planes},
+    planes::{NOISE, OF_CHANNEL, Planes, ROOT},
 };
-use crate::Instructions;
+#[cfg(target_arch = "x86_64")]
+use crate::vector::{Eight, Sixteen};
+use crate::vector::{Four, Instructions, Vector};
 
-/// Pixels that are filtered at the same time: a register of AVX-512, or several of others.
+/// The most pixels that are filtered at the same time: a register of AVX-512.
 pub(super) const PACKET: usize = 16;
 
 /// Columns and rows of a block, whose planes with those around stay in the cache.
 const BLOCK: [usize; 2] = [128, 16];
 
-type Packet = [f32; PACKET];
+#[repr(align(64))]
+struct Packet([f32; PACKET]);
 
 /// A pixel near another one.
 #[derive(Clone, Copy)]
 struct Tap {
     x: isize,
     y: isize,
-    /// 1 − s/8 by the distance.
-    near: f32,
+    /// s/8 − 1 by the distance.
+    far: f32,
 }
 
 /// The filter at work on planes.
@@ -41,7 +46,7 @@ impl<'a> Kernel<'a> {
         let disc = square.filter(|(x, y)| x * x + y * y <= reach * reach);
         let tap = |(x, y): (isize, isize)| {
             let distance = (x * x + y * y) as f32 / (2.0 * DISTANCE * DISTANCE);
-            Tap { x, y, near: 1.0 - distance / 8.0 }
+            Tap { x, y, far: distance / 8.0 - 1.0 }
         };
         Self { planes, taps: disc.map(tap).collect() }
     }
@@ -61,7 +66,9 @@ impl<'a> Kernel<'a> {
         blocks.for_each(|(number, mut rows)| {
             let first = inner.start + number * BLOCK[1];
             match instructions {
-                Instructions::Portable => self.of_channels(first, &mut rows),
+                #[allow(unsafe_code)]
+                // SAFETY: any processor has them.
+                Instructions::Portable => unsafe { self.of_channels::<Four>(first, &mut rows) },
                 #[cfg(target_arch = "x86_64")]
                 #[allow(unsafe_code)]
                 // SAFETY: instructions are made by detection alone.
@@ -75,43 +82,68 @@ impl<'a> Kernel<'a> {
     }
 
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
+    #[target_feature(enable = "avx2,fma")]
     fn run_avx2(&self, first: usize, rows: &mut Rows<'_>) {
-        self.of_channels(first, rows);
+        #[allow(unsafe_code)]
+        // SAFETY: this runs where the processor has what it is compiled for.
+        unsafe {
+            self.of_channels::<Eight>(first, rows);
+        }
     }
 
     #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx512f")]
+    #[target_feature(enable = "avx512f,avx2,fma")]
     fn run_avx512(&self, first: usize, rows: &mut Rows<'_>) {
-        self.of_channels(first, rows);
+        #[allow(unsafe_code)]
+        // SAFETY: as above.
+        unsafe {
+            self.of_channels::<Sixteen>(first, rows);
+        }
     }
 
     /// Three channels are tested together. Of other numbers, each is filtered by itself.
+    ///
+    /// # Safety
+    /// The processor has the instructions of `V`; so for the functions below.
+    #[allow(unsafe_code)]
     #[inline(always)]
-    fn of_channels(&self, first: usize, rows: &mut Rows<'_>) {
-        if let [red, green, blue] = &mut rows[..] {
-            self.of_guides::<3>(0, first, &mut [red, green, blue]);
-        } else {
-            for (channel, rows) in rows.iter_mut().enumerate() {
-                self.of_guides::<1>(channel, first, &mut [rows]);
+    unsafe fn of_channels<V: Vector>(&self, first: usize, rows: &mut Rows<'_>) {
+        // SAFETY: the caller's promise.
+        unsafe {
+            if let [red, green, blue] = &mut rows[..] {
+                self.of_guides::<V, 3>(0, first, &mut [red, green, blue]);
+            } else {
+                for (channel, rows) in rows.iter_mut().enumerate() {
+                    self.of_guides::<V, 1>(channel, first, &mut [rows]);
+                }
             }
         }
     }
 
     /// No guides, albedo or normal, or both.
+    #[allow(unsafe_code)]
     #[inline(always)]
-    fn of_guides<const C: usize>(&self, channel: usize, first: usize, rows: &mut [&mut [f32]; C]) {
-        match self.planes.guides {
-            0 => self.block::<C, 0>(channel, first, rows),
-            3 => self.block::<C, 3>(channel, first, rows),
-            6 => self.block::<C, 6>(channel, first, rows),
-            other => unreachable!("{other} guides"),
+    unsafe fn of_guides<V: Vector, const C: usize>(
+        &self,
+        channel: usize,
+        first: usize,
+        rows: &mut [&mut [f32]; C],
+    ) {
+        // SAFETY: the caller's promise.
+        unsafe {
+            match self.planes.guides {
+                0 => self.block::<V, C, 0>(channel, first, rows),
+                3 => self.block::<V, C, 3>(channel, first, rows),
+                6 => self.block::<V, C, 6>(channel, first, rows),
+                other => unreachable!("{other} guides"),
+            }
         }
     }
 
     /// Filters some rows from row `first` on, of C channels from `channel` on, with G guides.
+    #[allow(unsafe_code)]
     #[inline(always)]
-    fn block<const C: usize, const G: usize>(
+    unsafe fn block<V: Vector, const C: usize, const G: usize>(
         &self,
         channel: usize,
         first: usize,
@@ -121,11 +153,12 @@ impl<'a> Kernel<'a> {
         let count = rows[0].len() / width;
         for left in (0..width).step_by(BLOCK[0]) {
             for y in 0..count {
-                for x in (left..width.min(left + BLOCK[0])).step_by(PACKET) {
-                    let packet = self.packet::<C, G>(channel, x, first + y);
+                for x in (left..width.min(left + BLOCK[0])).step_by(V::LANES) {
+                    // SAFETY: the caller's promise, and the pixel is one of the planes.
+                    let packet = unsafe { self.packet::<V, C, G>(channel, x, first + y) };
                     for (rows, values) in rows.iter_mut().zip(packet) {
-                        let place = &mut rows[y * width..][x..width.min(x + PACKET)];
-                        place.copy_from_slice(&values[..place.len()]);
+                        let place = &mut rows[y * width..][x..width.min(x + V::LANES)];
+                        place.copy_from_slice(&values.0[..place.len()]);
                     }
                 }
             }
@@ -133,77 +166,76 @@ impl<'a> Kernel<'a> {
     }
 
     /// Filters a packet that begins with this pixel.
+    ///
+    /// # Safety
+    /// Also, the pixel is one of the planes.
+    #[allow(unsafe_code)]
     #[inline(always)]
-    fn packet<const C: usize, const G: usize>(
+    unsafe fn packet<V: Vector, const C: usize, const G: usize>(
         &self,
         channel: usize,
         x: usize,
         y: usize,
     ) -> [Packet; C] {
-        let Planes { grid, stride, .. } = *self.planes;
+        let Planes { ref grid, stride, ref values, .. } = *self.planes;
         let of_row = self.planes.count() * stride;
-        let (of_channel, guides) = (OF_CHANNEL * stride, OF_CHANNEL * grid.channels() * stride);
-        let here = y * of_row + RADIUS as usize + x;
-        let root = |place: usize, c: usize| self.load(place + (channel + c) * of_channel + stride);
-        let noise =
-            |place: usize, c: usize| self.load(place + (channel + c) * of_channel + 2 * stride);
-        let guide = |place: usize, g: usize| self.load(place + guides + g * stride);
-        let mean = |place: usize, c: usize| self.load(place + (channel + c) * of_channel);
-
-        let roots: [Packet; C] = std::array::from_fn(|c| *root(here, c));
-        let noises: [Packet; C] = std::array::from_fn(|c| *noise(here, c));
-        let own: [Packet; G] = std::array::from_fn(|g| *guide(here, g));
-        let mut sums = [[0.0; PACKET]; C];
-        let mut total = [0.0; PACKET];
-        for tap in &self.taps {
-            let Some(row) = y.checked_add_signed(tap.y).filter(|row| *row < grid.rows()) else {
-                continue;
-            };
-            let there = (row * of_row + RADIUS as usize + x).wrapping_add_signed(tap.x);
-            let mut near = [tap.near; PACKET];
-            for g in 0..G {
-                let guide = guide(there, g);
-                for i in 0..PACKET {
-                    let d = own[g][i] - guide[i];
-                    near[i] -= d * d;
+        let of_channel = OF_CHANNEL * stride;
+        let [first, guides] = [channel, grid.channels()].map(|channel| channel * of_channel);
+        let load = |place: usize| {
+            debug_assert!(place + V::LANES <= values.len());
+            // SAFETY: the caller's promise. With the tap's column, a packet is in its row of a
+            // plane, which has `RADIUS` columns more on either side and whole packets.
+            unsafe { V::load_anywhere(values.as_ptr().add(place)) }
+        };
+        // SAFETY: the caller's promise.
+        unsafe {
+            let here = y * of_row + RADIUS as usize + x;
+            let minus = V::splat(-1.0);
+            let own_roots: [V; C] =
+                from_fn(|c| minus.mul(load(here + first + c * of_channel + ROOT * stride)));
+            let own_noises: [V; C] =
+                from_fn(|c| load(here + first + c * of_channel + NOISE * stride));
+            let own_guides: [V; G] = from_fn(|g| minus.mul(load(here + guides + g * stride)));
+            let [zero, one] = [0.0, 1.0].map(|value| V::splat(value));
+            let mut sums = [zero; C];
+            let mut total = zero;
+            for tap in &self.taps {
+                let Some(row) = y.checked_add_signed(tap.y).filter(|row| *row < grid.rows()) else {
+                    continue;
+                };
+                let there = (row * of_row + RADIUS as usize + x).wrapping_add_signed(tap.x);
+                let mut far = V::splat(tap.far);
+                for (g, own) in own_guides.iter().enumerate() {
+                    let d = own.add(load(there + guides + g * stride));
+                    far = d.mul_add(d, far);
+                }
+                let mut excess = V::splat(f32::NEG_INFINITY);
+                for c in 0..C {
+                    let channel = there + first + c * of_channel;
+                    let d = own_roots[c].add(load(channel + ROOT * stride));
+                    let noise = own_noises[c].add(load(channel + NOISE * stride));
+                    excess = excess.max(d.mul_add(d, noise));
+                }
+                // 1 up to an excess of 0, else 0.
+                let alike = excess.mul_add(V::splat(-f32::MAX), one).max(zero).min(one);
+                let near = far.min(zero);
+                let square = near.mul(near);
+                let fourth = square.mul(square);
+                let weight = fourth.mul(fourth).mul(alike);
+                total = total.add(weight);
+                for (c, sum) in sums.iter_mut().enumerate() {
+                    *sum = weight.mul_add(load(there + first + c * of_channel), *sum);
                 }
             }
-            let mut weight = [0.0; PACKET];
-            for i in 0..PACKET {
-                let near = if near[i] > 0.0 { near[i] } else { 0.0 };
-                let square = near * near;
-                let fourth = square * square;
-                weight[i] = fourth * fourth;
-            }
-            for c in 0..C {
-                let (root, noise) = (root(there, c), noise(there, c));
-                for i in 0..PACKET {
-                    let d = roots[c][i] - root[i];
-                    let alike = d * d <= noises[c][i] + noise[i];
-                    weight[i] = if alike { weight[i] } else { 0.0 };
-                }
-            }
-            for i in 0..PACKET {
-                total[i] += weight[i];
-            }
-            for c in 0..C {
-                let mean = mean(there, c);
-                for i in 0..PACKET {
-                    sums[c][i] += weight[i] * mean[i];
-                }
-            }
-        }
-        for sums in &mut sums {
-            for i in 0..PACKET {
+            let mut totals = Packet([0.0; PACKET]);
+            total.store(totals.0.as_mut_ptr());
+            from_fn(|c| {
+                let mut values = Packet([0.0; PACKET]);
+                sums[c].store(values.0.as_mut_ptr());
                 // 0/0 where the pixel does not count.
-                sums[i] /= total[i];
-            }
+                values.0.iter_mut().zip(totals.0).for_each(|(value, total)| *value /= total);
+                values
+            })
         }
-        sums
-    }
-
-    #[inline(always)]
-    fn load(&self, place: usize) -> &Packet {
-        self.planes.values[place..place + PACKET].as_array().expect("a packet")
     }
 }

@@ -52,7 +52,7 @@ impl Default for WelchFilter {
 }
 
 impl WelchFilter {
-    /// The filter with these instructions; all give the same bits.
+    /// The filter with these instructions.
     #[must_use]
     pub fn new(instructions: Instructions) -> Self {
         Self { instructions }

@@ -32,7 +32,7 @@ pub(crate) struct Guide<'a> {
     pub(crate) scale: f32,
 }
 
-/// The planes of a strip: of each channel the mean, the mean root, and t² times the variance
+/// The planes of a strip: of each channel the mean, the mean root, and −t² times the variance
 /// of the latter; then the guides, in units in which their squares count.
 pub(crate) struct Planes {
     pub(super) grid: Grid,
@@ -43,11 +43,13 @@ pub(crate) struct Planes {
     pub(super) values: Vec<f32>,
 }
 
-/// Planes of a channel: mean, mean root, variance.
+/// Planes of a channel: the mean is the first, the mean root and −t² v follow.
 pub(super) const OF_CHANNEL: usize = 3;
+pub(super) const ROOT: usize = 1;
+pub(super) const NOISE: usize = 2;
 
-/// What a pixel that does not count has instead of a variance: no test passes.
-const APART: f32 = f32::NEG_INFINITY;
+/// What a pixel that does not count has instead of −t² v: no test passes.
+const APART: f32 = f32::INFINITY;
 
 impl Planes {
     pub(crate) fn new(grid: &Grid, means: &Means<'_>, guides: &[Guide<'_>]) -> Self {
@@ -58,7 +60,8 @@ impl Planes {
         let mut values = vec![0.0; grid.rows() * planes * stride];
         values.par_chunks_exact_mut(planes * stride).enumerate().for_each(|(y, row)| {
             let sources = (0..channels).flat_map(|channel| {
-                [means.mean, means.root, &variances].map(|plane| (&plane[channel * pixels..], 1.0))
+                let planes = [(means.mean, 1.0), (means.root, 1.0), (&variances, -1.0)];
+                planes.map(|(plane, factor)| (&plane[channel * pixels..], factor))
             });
             // (g/(4 σ))² is g²/(2 σ²)/8.
             let guides = guides.iter().map(|guide| (guide.values, 0.25 / guide.scale));
@@ -87,7 +90,7 @@ fn set_apart(row: &mut [f32], stride: usize, channels: usize, inside: std::ops::
         }
         row.iter_mut().skip(x).step_by(stride).for_each(|value| *value = 0.0);
         for channel in 0..channels {
-            row[(OF_CHANNEL * channel + 2) * stride + x] = APART;
+            row[(OF_CHANNEL * channel + NOISE) * stride + x] = APART;
         }
     }
 }

@@ -118,8 +118,10 @@ fn the_formulas_hold() {
             assert!(error < 2e-5, "{channels} channels, {count} guides, lane {lane}: {error}");
         }
         for instructions in Instructions::available() {
+            // Products and sums are fused, or are not.
             let others = filtered(&batch, &guides, instructions);
-            assert!(best == others, "other bits with {instructions}");
+            let near = best.iter().zip(&others).all(|(a, b)| (a / b - 1.0).abs() < 1e-5);
+            assert!(near, "{instructions}: more than rounding");
         }
         // The comparison sees a wrong result.
         let plain = batch.last().iter().zip(&expected);
