@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable
+from itertools import product
 from pathlib import Path
 from statistics import fmean, geometric_mean
 
@@ -58,7 +59,7 @@ ERROR_COUNTS = [8, 64]
 ERROR_RUNS = 10
 ERROR_REFERENCE = ["--spp", "4096", "--transform", "none"]
 DECILES = 10
-ERROR_COLUMNS = ["scene", "spp", "decile", "estimated", "true"]
+ERROR_COLUMNS = ["scene", "sampler", "spp", "decile", "estimated", "true"]
 FACTOR = 1.5
 
 
@@ -127,17 +128,17 @@ def errors(scene: str, folder: Path) -> list[list[object]]:
     order = np.argsort(sum(halves), kind="stable")
     order = order[np.count_nonzero(sum(halves) == 0) :]
     rows = []
-    for spp in ERROR_COUNTS:
+    for sampler, spp in product(COUNTS, ERROR_COUNTS):
         sums = np.zeros([2, DECILES])
         for run in range(ERROR_RUNS):
-            picture = render(f"{spp}", 3_000_000 + run, "--spp", str(spp))
+            picture = render(f"{spp}", 3_000_000 + run, "--sampler", sampler, "--spp", str(spp))
             estimate = colors(picture)
             true = (estimate - halves[0]) * (estimate - halves[1])
             both = colors(picture, "StdError.") ** 2, true
             for i, values in enumerate(both):
                 sums[i] += [values[part].mean() for part in np.array_split(order, DECILES)]
         for decile, (estimated, true) in enumerate(sums.T / ERROR_RUNS):
-            rows.append([scene, spp, decile, f"{estimated:.6g}", f"{true:.6g}"])
+            rows.append([scene, sampler, spp, decile, f"{estimated:.6g}", f"{true:.6g}"])
     return rows
 
 
@@ -225,13 +226,18 @@ def error_lines() -> list[str]:
     rows = [row for row in read(ERRORS) if float(row["true"]) > 0]
     ratios = [float(row["estimated"]) / float(row["true"]) for row in rows]
     outside = [i for i, ratio in enumerate(ratios) if not 1 / FACTOR <= ratio <= FACTOR]
-    text = f"{len(ratios) - len(outside)} of {len(ratios)} are within a factor of {FACTOR}"
+    lines = [f"| sampler | tenths | within a factor of {FACTOR} |", "|---|---|---|"]
+    for sampler in COUNTS:
+        known = [i for i, row in enumerate(rows) if row["sampler"] == sampler]
+        lines.append(f"| {sampler} | {len(known)} | {len(known) - len(set(known) & set(outside))} |")
     if not outside:
-        return [text + "."]
-    lines = [text + ". The others:", "", "| scene | spp | tenth | estimated / true |", "|---|---|---|---|"]
+        return lines
+    lines += ["", "The others:", "", "| scene | sampler | spp | tenth | estimated / true |"]
+    lines.append("|---" * 5 + "|")
     for i in outside:
         row = rows[i]
-        lines.append(f"| `{row['scene']}` | {row['spp']} | {int(row['decile']) + 1} | {ratios[i]:.2f} |")
+        cells = [f"`{row['scene']}`", row["sampler"], row["spp"], str(int(row["decile"]) + 1)]
+        lines.append("| " + " | ".join([*cells, f"{ratios[i]:.2f}"]) + " |")
     return lines
 
 

@@ -14,16 +14,19 @@ fn read(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// What each crate uses of the others, by the line that joins them with arrows: all that
-/// stand to its right.
+/// What each crate uses of the others, by the lines of their names, joined with arrows: all
+/// that stand to its right.
 fn drawn(architecture: &str) -> BTreeMap<String, BTreeSet<String>> {
     let lines = architecture.lines().map(|line| line.split("──►").map(str::trim).collect());
-    let is_chain = |names: &Vec<&str>| names.len() > 1 && names[0].starts_with("nst-");
-    let chain: Vec<Vec<&str>> = lines.filter(is_chain).collect();
-    assert_eq!(chain.len(), 1, "ARCHITECTURE.md has one line of crates and arrows");
-    let names = &chain[0];
-    let right_of = |i: usize| names[i + 1..].iter().map(|&name| name.to_owned()).collect();
-    names.iter().enumerate().map(|(i, &name)| (name.to_owned(), right_of(i))).collect()
+    let is_crate = |name: &&str| name.starts_with("nst-") && !name.contains(' ');
+    let mut drawn: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for chain in lines.filter(|names: &Vec<&str>| names.iter().all(is_crate)) {
+        for (i, &name) in chain.iter().enumerate() {
+            let right = chain[i + 1..].iter().map(|&name| name.to_owned());
+            drawn.entry(name.to_owned()).or_default().extend(right);
+        }
+    }
+    drawn
 }
 
 /// What each crate uses of the others, by the section `[dependencies]` of its manifest.
@@ -48,9 +51,15 @@ fn real() -> BTreeMap<String, BTreeSet<String>> {
 fn crates_use_each_other_as_drawn() {
     let architecture = read(&repository().join("ARCHITECTURE.md"));
     assert_eq!(drawn(&architecture), real());
-    // An arrow that runs back would be seen.
-    let wrong = architecture.replace("nst-files ──► nst-core", "nst-core ──► nst-files");
-    assert_ne!(drawn(&wrong), real());
+    // Arrows that run back or are missing would be seen, and so would crates.
+    for (right, wrong) in [
+        ("nst-files ──► nst-core", "nst-core ──► nst-files"),
+        ("    nst-oidn\n", "    nst-core ──► nst-oidn\n"),
+        ("    nst-oidn\n", ""),
+    ] {
+        assert!(architecture.contains(right));
+        assert_ne!(drawn(&architecture.replace(right, wrong)), real());
+    }
 }
 
 /// The modules of a crate by their paths, as in `gpu::mlp`, without their unit tests.

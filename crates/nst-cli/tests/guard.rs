@@ -71,10 +71,11 @@ fn pictures_have_standard_errors() {
     let layer = |name, layer| read_layer(&bench.path(name), layer).1;
     let (errors, variance) = (layer("x.exr", "StdError"), layer("x.exr", "Variance"));
     assert_eq!(errors, layer("y.exr", "StdError"));
-    // Of each lane, from a fifth of the plain estimate's to little more than that.
+    // Of each lane, from a fifth of the plain estimate's to little more than that: at most √1.2 by
+    // the guard's bound on the MSE ratio, and 10 % for what four folds say of small strata.
     let close = |(error, variance): (&f32, &f32)| {
         let plain = variance.sqrt();
-        (0.2 * plain..=1.1 * plain + 1e-6).contains(error)
+        (0.2 * plain..=1.2 * plain + 1e-6).contains(error)
     };
     let all = errors.iter().zip(&variance).all(close);
     assert!(all && errors.iter().any(|&error| error > 0.0));

@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::{
-    sample::SHARE,
+    sample::{GROUPS, SHARE},
     simplex::MOST,
     weights::{Changes, STRATA, Strata, Weights, cells, shared},
 };
@@ -38,7 +38,7 @@ impl Judgement {
     }
 }
 
-/// The error of T relative to that of S, in each stratum: the root of the MSE ratio.
+/// The error of T in each stratum, relative to that of S if all samples were independent.
 #[derive(Clone, Debug)]
 pub(super) struct ErrorRatios([f64; STRATA]);
 
@@ -50,16 +50,21 @@ impl ErrorRatios {
     }
 }
 
-/// What an estimated MSE ratio of a stratum may be.
+/// What an estimated MSE ratio of a stratum may be, of T to S. That of S to what S would be if
+/// all samples were independent may be any.
 const RATIOS: [f64; 2] = [0.05, 1.2];
 
 /// Judges weights by the half of the pixels that they were not learnt from. With the judgement
-/// comes the error that T has in each stratum, relative to that of S.
+/// comes the error that T has in each stratum, relative to that of S if all samples were
+/// independent, by which it is applied to lanes.
 ///
 /// With the change d of a lane by its weights, δ = d² − 2 d (I − S) is what changes of its
 /// squared error. Where fold j is held out, d_j (h_j − S_j) has the expectation of d_j (I − S_j),
 /// which is taken to be larger than that of d (I − S) in proportion to the variances of S_j and
 /// S.
+///
+/// The variance of S follows from that of the folds' means, which are independent of each other
+/// even where the samples of one fold are not.
 pub(super) fn judge(
     changes: &Changes<'_>,
     weights: &Weights,
@@ -88,29 +93,41 @@ pub(super) fn judge(
     (judgement, judged.error_ratios())
 }
 
+/// What the squares of h_j − S_j are weighed by, so that their sum estimates the variance of S
+/// without bias: with the share p of the samples in fold j they have the expectation
+/// V/(p (1 − p)), if the variance of a fold's mean is in proportion to 1/p. Folds of a lane differ
+/// by one sample at most, so that this is near enough for those whose variance falls faster.
+pub(super) fn dispersion(counts: &[f64; GROUPS]) -> [f64; GROUPS] {
+    let samples: f64 = counts.iter().sum();
+    counts.map(|count| count / samples * (1.0 - count / samples) / GROUPS as f64)
+}
+
 /// What is judged of some pixels.
 struct Judged {
     /// δ and the variance of S, of each pixel.
     pixels: Vec<[f64; 2]>,
     /// Sums of the weights of each expert.
     trust: [f64; MOST],
-    /// Sums of δ and of the variance of S, by stratum.
-    strata: [[f64; 2]; STRATA],
+    /// Sums of δ, of the variance of S, and of what it would be if all samples were independent,
+    /// by stratum.
+    strata: [[f64; 3]; STRATA],
 }
 
 impl Judged {
     fn none() -> Self {
-        Self { pixels: Vec::new(), trust: [0.0; MOST], strata: [[0.0; 2]; STRATA] }
+        Self { pixels: Vec::new(), trust: [0.0; MOST], strata: [[0.0; 3]; STRATA] }
     }
 
     /// Those of a task's pixels.
     fn of(changes: &Changes<'_>, weights: &Weights, pixels: Range<usize>) -> Self {
         let sample = changes.sample;
+        let dispersion = dispersion(&sample.counts);
         let mut judged = Self::none();
         for pixel in pixels {
             let mut of_pixel = [0.0; 2];
+            let half = sample.pixels[pixel].half.into();
             for lane in sample.lanes_of(pixel) {
-                let of_lane = judged.take(changes, weights, lane, sample.pixels[pixel].half.into());
+                let of_lane = judged.take(changes, weights, &dispersion, lane, half);
                 of_pixel.iter_mut().zip(of_lane).for_each(|(sum, of_lane)| *sum += of_lane);
             }
             judged.pixels.push(of_pixel);
@@ -123,6 +140,7 @@ impl Judged {
         &mut self,
         changes: &Changes<'_>,
         weights: &Weights,
+        dispersion: &[f64; GROUPS],
         lane: usize,
         half: usize,
     ) -> [f64; 2] {
@@ -132,17 +150,19 @@ impl Judged {
             let d = changes.of_lane(group, lane);
             (d.iter().zip(w).map(|(d, w)| d * w).sum::<f64>(), w)
         };
-        let mut product = 0.0;
+        let [mut product, mut variance] = [0.0; 2];
         for (group, missing) in changes.missing.iter().enumerate() {
-            product += blend(group).0 * f64::from(missing[lane]) / all_folds as f64;
+            let missing = f64::from(missing[lane]);
+            product += blend(group).0 * missing / GROUPS as f64;
+            variance += dispersion[group] * missing * missing;
         }
         let (d, w) = blend(all_folds);
         let change = d * d - 2.0 * SHARE * product;
-        let variance = f64::from(changes.views[all_folds].variance[lane]);
+        let of_samples = f64::from(changes.views[all_folds].variance[lane]);
         self.trust.iter_mut().zip(w).for_each(|(trust, w)| *trust += w);
         for (stratum, share) in cells(changes.strata[all_folds][lane]) {
-            self.strata[stratum][0] += share * change;
-            self.strata[stratum][1] += share * variance;
+            let sums = self.strata[stratum].iter_mut().zip([change, variance, of_samples]);
+            sums.for_each(|(sum, of_lane)| *sum += share * of_lane);
         }
         [change, variance]
     }
@@ -156,14 +176,14 @@ impl Judged {
     }
 
     fn error_ratios(&self) -> ErrorRatios {
-        let add = |sum: &mut [f64; 2], other: &[f64; 2], share: f64| {
+        let add = |sum: &mut [f64; 3], other: &[f64; 3], share: f64| {
             sum.iter_mut().zip(other).for_each(|(sum, other)| *sum += share * other);
         };
-        ErrorRatios(shared(&self.strata, add).map(|[change, variance]| {
-            let ratio = 1.0 + change / variance;
-            let [least, most] = RATIOS;
+        ErrorRatios(shared(&self.strata, add).map(|[change, variance, of_samples]| {
+            let [least, most] = RATIOS.map(|ratio| ratio * variance);
+            let ratio = (variance + change).max(least).min(most) / of_samples;
             // What no lane is in has the error of S.
-            if ratio.is_finite() { ratio.clamp(least, most).sqrt() } else { 1.0 }
+            if ratio.is_finite() { ratio.sqrt() } else { 1.0 }
         }))
     }
 }
