@@ -156,15 +156,21 @@ fn a_stored_sequence_holds_what_was_asked_for() {
     assert_eq!(all.batch.sides().count(), 13);
 }
 
-/// These methods learn from the whole picture, which `nst transform` reads strip by strip.
+/// These methods learn from the whole picture, or look at neighbours; `nst transform` reads it
+/// strip by strip.
 #[test]
 fn a_sequence_of_several_strips_gives_the_picture_of_its_rendering() {
     let bench = Bench::new();
     bench.write("pyramid.obj", PYRAMID);
     let render = "render --scene pyramid.obj --spp 8 --size 800x640 --max-depth 2 --quiet";
-    for (method, store) in [("ridge", "--sequence seq.exr"), ("prior-mean", ""), ("auto", "")] {
-        bench.succeed(&format!("{render} --transform {method} -o direct.exr {store}"));
-        bench.succeed(&format!("transform seq.exr --transform {method} -o stored.exr --quiet"));
+    let stores = "--sequence seq.exr --threads 1";
+    for (method, options) in
+        [("ridge", "--sequence seq.exr"), ("prior-mean", ""), ("auto", ""), ("filter", stores)]
+    {
+        bench.succeed(&format!("{render} --transform {method} -o direct.exr {options}"));
+        bench.succeed(&format!(
+            "transform seq.exr --transform {method} -o stored.exr --threads 3 --quiet"
+        ));
         let [direct, stored] = ["direct.exr", "stored.exr"].map(|name| picture(&bench.path(name)));
         assert!(direct.iter().map(|x| x.to_bits()).eq(stored.iter().map(|x| x.to_bits())));
         assert!(direct != read_layer(&bench.path("direct.exr"), "S").1, "{method} does nothing");
