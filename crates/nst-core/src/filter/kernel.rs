@@ -6,14 +6,11 @@ use rayon::prelude::*;
 
 use super::{
     DISTANCE, RADIUS,
-    planes::{NOISE, OF_CHANNEL, Planes, ROOT},
+    planes::{NOISE, OF_CHANNEL, PACKET, Planes, ROOT},
 };
 #[cfg(target_arch = "x86_64")]
 use crate::vector::{Eight, Sixteen};
 use crate::vector::{Four, Instructions, Vector};
-
-/// The most pixels that are filtered at the same time: a register of AVX-512.
-pub(super) const PACKET: usize = 16;
 
 /// Columns and rows of a block, whose planes with those around stay in the cache.
 const BLOCK: [usize; 2] = [128, 16];
@@ -190,13 +187,12 @@ impl<'a> Kernel<'a> {
         // SAFETY: the caller's promise.
         unsafe {
             let here = y * of_row + RADIUS as usize + x;
-            let minus = V::splat(-1.0);
+            let [zero, minus, huge] = [0.0, -1.0, f32::MAX].map(|value| V::splat(value));
             let own_roots: [V; C] =
                 from_fn(|c| minus.mul(load(here + first + c * of_channel + ROOT * stride)));
             let own_noises: [V; C] =
                 from_fn(|c| load(here + first + c * of_channel + NOISE * stride));
             let own_guides: [V; G] = from_fn(|g| minus.mul(load(here + guides + g * stride)));
-            let [zero, one] = [0.0, 1.0].map(|value| V::splat(value));
             let mut sums = [zero; C];
             let mut total = zero;
             for tap in &self.taps {
@@ -209,19 +205,19 @@ impl<'a> Kernel<'a> {
                     let d = own.add(load(there + guides + g * stride));
                     far = d.mul_add(d, far);
                 }
-                let mut excess = V::splat(f32::NEG_INFINITY);
-                for c in 0..C {
+                let excesses: [V; C] = from_fn(|c| {
                     let channel = there + first + c * of_channel;
                     let d = own_roots[c].add(load(channel + ROOT * stride));
                     let noise = own_noises[c].add(load(channel + NOISE * stride));
-                    excess = excess.max(d.mul_add(d, noise));
-                }
-                // 1 up to an excess of 0, else 0.
-                let alike = excess.mul_add(V::splat(-f32::MAX), one).max(zero).min(one);
-                let near = far.min(zero);
+                    d.mul_add(d, noise)
+                });
+                let excess = excesses[1..].iter().fold(excesses[0], |most, next| most.max(*next));
+                // At most −1, which s/8 − 1 is at least, up to an excess of 0; else above 0.
+                let apart = excess.mul_add(huge, minus);
+                let near = far.max(apart).min(zero);
                 let square = near.mul(near);
                 let fourth = square.mul(square);
-                let weight = fourth.mul(fourth).mul(alike);
+                let weight = fourth.mul(fourth);
                 total = total.add(weight);
                 for (c, sum) in sums.iter_mut().enumerate() {
                     *sum = weight.mul_add(load(there + first + c * of_channel), *sum);

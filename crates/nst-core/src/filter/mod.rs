@@ -93,25 +93,37 @@ impl Fitted for WelchFilter {
     /// Without a grid there are no neighbours, and all lanes keep S. Where pictures of several
     /// samples each were packed, v is smaller than it should be, and less is averaged.
     fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
-        let n = *strip.sample_counts().last().expect("a batch has a term");
-        let (Some(grid), Some(folds)) = (strip.grid(), folds(strip)) else {
-            out.fall_back(strip, Status::NoFolds);
-            return Ok(());
-        };
-        let shares = std::array::from_fn(|fold| fold_count(fold, n) / f64::from(n));
-        let root = planes::mean(&folds, &shares);
-        let means = Means { samples: n.into(), mean: strip.last(), root: &root };
-        let planes = Planes::new(grid, &means, &[]);
-        let last = grid.inner(strip.last());
-        let (values, status) = out.reset(last.len());
-        self.run(&planes, values);
-        for ((value, status), &last) in values.iter_mut().zip(status).zip(&*last) {
-            if !value.is_finite() {
-                (*value, *status) = (last, Status::NotFinite);
-            }
-        }
-        Ok(())
+        filter_strip(strip, out, |planes, values| {
+            self.run(planes, values);
+            Ok(())
+        })
     }
+}
+
+/// Filters a strip by `run`, which writes the means of the inner rows of planes.
+pub(crate) fn filter_strip(
+    strip: &SequenceBatch,
+    out: &mut Estimates,
+    run: impl FnOnce(&Planes, &mut [f32]) -> Result<(), Error>,
+) -> Result<(), Error> {
+    let n = *strip.sample_counts().last().expect("a batch has a term");
+    let (Some(grid), Some(folds)) = (strip.grid(), folds(strip)) else {
+        out.fall_back(strip, Status::NoFolds);
+        return Ok(());
+    };
+    let shares = std::array::from_fn(|fold| fold_count(fold, n) / f64::from(n));
+    let root = planes::mean(&folds, &shares);
+    let means = Means { samples: n.into(), mean: strip.last(), root: &root };
+    let planes = Planes::new(grid, &means, &[]);
+    let last = grid.inner(strip.last());
+    let (values, status) = out.reset(last.len());
+    run(&planes, values)?;
+    for ((value, status), &last) in values.iter_mut().zip(status).zip(&*last) {
+        if !value.is_finite() {
+            (*value, *status) = (last, Status::NotFinite);
+        }
+    }
+    Ok(())
 }
 
 /// The means of the roots of each fold, each `[lane]`, if all are there.
@@ -122,4 +134,4 @@ fn folds(batch: &SequenceBatch) -> Option<[&[f32]; FOLDS]> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

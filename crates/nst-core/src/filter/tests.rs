@@ -1,11 +1,11 @@
 use super::*;
 use crate::{Grid, Identity, random::SplitMix64};
 
-const SIZE: [u32; 2] = [37, 29];
+pub(crate) const SIZE: [u32; 2] = [37, 29];
 const SAMPLES: usize = 16;
 
 /// Samples of a picture: two areas of different brightness with an edge between them, and noise.
-fn picture(channels: u32, seed: u64) -> SequenceBatch {
+pub(crate) fn picture(channels: u32, seed: u64) -> SequenceBatch {
     let [width, height] = SIZE;
     let grid = Grid::new(width, height, channels, 0).expect("a grid");
     let mut random = SplitMix64(seed);
@@ -28,18 +28,25 @@ fn roots(batch: &SequenceBatch) -> Vec<f32> {
 }
 
 /// Guides that go up and down: three planes, or six.
-fn guides(pixels: usize, count: usize) -> Vec<Vec<f32>> {
+pub(crate) fn guides(pixels: usize, count: usize) -> Vec<Vec<f32>> {
     let wave = |guide: usize, pixel: usize| ((pixel * (guide + 3)) as f32 * 0.05).sin();
     (0..count).map(|guide| (0..pixels).map(|pixel| wave(guide, pixel)).collect()).collect()
 }
 
-fn filtered(batch: &SequenceBatch, guides: &[Vec<f32>], instructions: Instructions) -> Vec<f32> {
-    let grid = batch.grid().expect("a picture");
+pub(crate) fn planes_of(batch: &SequenceBatch, guides: &[Vec<f32>]) -> Planes {
     let guides: Vec<_> = guides.iter().map(|values| Guide { values, scale: 0.4 }).collect();
     let root = roots(batch);
     let means = Means { samples: SAMPLES as f64, mean: batch.last(), root: &root };
-    let mut out = vec![f32::NAN; grid.lanes()];
-    WelchFilter::new(instructions).run(&Planes::new(grid, &means, &guides), &mut out);
+    Planes::new(batch.grid().expect("a picture"), &means, &guides)
+}
+
+pub(crate) fn filtered(
+    batch: &SequenceBatch,
+    guides: &[Vec<f32>],
+    instructions: Instructions,
+) -> Vec<f32> {
+    let mut out = vec![f32::NAN; batch.lanes()];
+    WelchFilter::new(instructions).run(&planes_of(batch, guides), &mut out);
     out
 }
 
@@ -171,7 +178,11 @@ fn strips_with_a_halo_give_the_same_bits() {
 }
 
 /// Rows of a batch, some of them a halo.
-fn strip(batch: &SequenceBatch, rows: std::ops::Range<u32>, halo: [u32; 2]) -> SequenceBatch {
+pub(crate) fn strip(
+    batch: &SequenceBatch,
+    rows: std::ops::Range<u32>,
+    halo: [u32; 2],
+) -> SequenceBatch {
     let grid = batch.grid().expect("a picture");
     let cut = |lanes: &[f32]| -> Vec<f32> {
         let range = grid.width() * rows.start as usize..grid.width() * rows.end as usize;
@@ -202,6 +213,17 @@ fn pixels_that_are_not_finite_spoil_no_others() {
         let expected = if lane % pixels == pixel { Status::NotFinite } else { Status::Ok };
         assert_eq!((value.is_finite(), *status), (true, expected), "lane {lane}");
     }
+}
+
+#[test]
+fn an_infinite_mean_is_no_variance_of_its_neighbours() {
+    let grid = Grid::new(5, 3, 1, 0).expect("a grid");
+    let mut mean = [1.0; 15];
+    mean[7] = f32::INFINITY;
+    let planes = Planes::new(&grid, &Means { samples: 8.0, mean: &mean, root: &[1.0; 15] }, &[]);
+    let mut out = [0.0; 15];
+    WelchFilter::default().run(&planes, &mut out);
+    assert!(out.iter().enumerate().all(|(i, value)| value.is_nan() == (i == 7)), "{out:?}");
 }
 
 #[test]
