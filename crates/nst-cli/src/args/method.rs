@@ -25,7 +25,7 @@ pub(crate) struct MethodArgs {
     /// Use the network of this safetensors file.
     #[arg(long, value_name = "FILE", conflicts_with = "transform")]
     pub(crate) weights: Option<PathBuf>,
-    /// What the network runs on.
+    /// What a network runs on, or `filter`, which `auto` leaves on the CPU.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) backend: BackendArg,
 }
