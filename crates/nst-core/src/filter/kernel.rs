@@ -4,13 +4,13 @@ use std::array::from_fn;
 
 use rayon::prelude::*;
 
-use super::{
-    DISTANCE, RADIUS,
-    planes::{NOISE, OF_CHANNEL, PACKET, Planes, ROOT},
-};
+use super::planes::{NOISE, OF_CHANNEL, PACKET, Planes, RADIUS, ROOT};
 #[cfg(target_arch = "x86_64")]
 use crate::vector::{Eight, Sixteen};
 use crate::vector::{Four, Instructions, Vector};
+
+/// σ of the distance, in pixels.
+const DISTANCE: f32 = 5.0;
 
 /// Columns and rows of a block, whose planes with those around stay in the cache.
 const BLOCK: [usize; 2] = [128, 16];

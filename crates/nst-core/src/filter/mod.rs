@@ -23,21 +23,12 @@ mod kernel;
 mod planes;
 
 use kernel::Kernel;
-pub(crate) use planes::{Guide, Means, Planes};
+pub(crate) use planes::{Guide, Means, Planes, RADIUS};
 
 use crate::{
     Error, Estimates, FOLDS, Fitted, Instructions, Requirements, SequenceBatch, Side, Status,
     Strips, Support, Transform, fold_count,
 };
-
-/// How far pixels count, in pixels.
-pub(crate) const RADIUS: u32 = 10;
-
-/// σ of the distance, in pixels.
-const DISTANCE: f32 = 5.0;
-
-/// The quantile of the normal distribution that is exceeded, at either side, by 1 of 200.
-const QUANTILE: f64 = 2.807;
 
 /// The filter as a method of its own.
 #[derive(Clone, Copy, Debug)]
@@ -62,20 +53,6 @@ impl WelchFilter {
     pub(crate) fn run(&self, planes: &Planes, out: &mut [f32]) {
         Kernel::new(planes).run(self.instructions, out);
     }
-}
-
-/// The square of the quantile of Student's t at n − 1 degrees of freedom, the fewest that
-/// Welch's test may have (Cornish and Fisher's expansion: Abramowitz and Stegun, 26.7.5).
-fn threshold(samples: f64) -> f32 {
-    let (z, nu) = (QUANTILE, (samples - 1.0).max(1.0));
-    let powers = [z.powi(3), z.powi(5), z.powi(7)];
-    let terms = [
-        (powers[0] + z) / 4.0,
-        (5.0 * powers[1] + 16.0 * powers[0] + 3.0 * z) / 96.0,
-        (3.0 * powers[2] + 19.0 * powers[1] + 17.0 * powers[0] - 15.0 * z) / 384.0,
-    ];
-    let t = z + terms[0] / nu + terms[1] / nu.powi(2) + terms[2] / nu.powi(3);
-    (t * t) as f32
 }
 
 impl Transform for WelchFilter {

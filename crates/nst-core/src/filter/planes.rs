@@ -2,8 +2,13 @@
 
 use rayon::prelude::*;
 
-use super::{RADIUS, threshold};
 use crate::{FOLDS, Grid};
+
+/// How far pixels count, in pixels.
+pub(crate) const RADIUS: u32 = 10;
+
+/// The quantile of the normal distribution that is exceeded, at either side, by 1 of 200.
+const QUANTILE: f64 = 2.807;
 
 /// How many rows above and below a pixel its variance depends on.
 pub(super) const BLUR: u32 = 2;
@@ -178,6 +183,20 @@ impl Band<'_> {
             }
         }
     }
+}
+
+/// The square of the quantile of Student's t at n − 1 degrees of freedom, the fewest that
+/// Welch's test may have (Cornish and Fisher's expansion: Abramowitz and Stegun, 26.7.5).
+pub(super) fn threshold(samples: f64) -> f32 {
+    let (z, nu) = (QUANTILE, (samples - 1.0).max(1.0));
+    let powers = [z.powi(3), z.powi(5), z.powi(7)];
+    let terms = [
+        (powers[0] + z) / 4.0,
+        (5.0 * powers[1] + 16.0 * powers[0] + 3.0 * z) / 96.0,
+        (3.0 * powers[2] + 19.0 * powers[1] + 17.0 * powers[0] - 15.0 * z) / 384.0,
+    ];
+    let t = z + terms[0] / nu + terms[1] / nu.powi(2) + terms[2] / nu.powi(3);
+    (t * t) as f32
 }
 
 /// The weighted mean over folds, `[lane]`.

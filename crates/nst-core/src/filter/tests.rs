@@ -1,4 +1,4 @@
-use super::*;
+use super::{planes::threshold, *};
 use crate::{Grid, Identity, random::SplitMix64};
 
 pub(crate) const SIZE: [u32; 2] = [37, 29];

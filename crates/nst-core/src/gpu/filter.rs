@@ -90,8 +90,8 @@ impl FilterGpu {
         self.run(&planes, &mut on_gpu)?;
         WelchFilter::default().run(&planes, &mut on_cpu);
         // Rounding is some 10⁻⁶, and a pixel too many, if a test is that close, 10⁻⁴.
-        let wrong = |(gpu, cpu): &(&f32, &f32)| !((**gpu - **cpu).abs() <= 1e-3);
-        match on_gpu.iter().zip(&on_cpu).find(wrong) {
+        let right = |(gpu, cpu): (&f32, &f32)| (gpu - cpu).abs() <= 1e-3;
+        match on_gpu.iter().zip(&on_cpu).find(|pair| !right(*pair)) {
             None => Ok(()),
             Some((wrong, cpu)) => {
                 let what = format!("the filter's results are wrong: {wrong:e}, not {cpu:e}");
