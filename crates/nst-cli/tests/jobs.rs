@@ -279,6 +279,30 @@ fn methods_without_weights_transform_stored_sequences() {
 }
 
 #[test]
+fn the_filter_runs_on_a_gpu_if_asked() {
+    let bench = Bench::new();
+    if !bench.has_gpu() {
+        return;
+    }
+    let options = "--spp 16 --size 40x30 --transform filter --sequence seq.exr --json -o cpu.exr";
+    let backend = |said: &str| {
+        let json: serde_json::Value = serde_json::from_str(said).expect("JSON");
+        json["backend"].as_str().map(str::to_owned)
+    };
+    let on_cpu = bench.succeed(&format!("render --scene {} {options}", cornell()));
+    assert_eq!(backend(&on_cpu).as_deref(), Some("cpu"));
+    let on_gpu =
+        bench.succeed("transform seq.exr --transform filter --backend gpu --json -o gpu.exr");
+    assert_eq!(backend(&on_gpu).as_deref(), Some("gpu"));
+    let [cpu, gpu] = ["cpu.exr", "gpu.exr"].map(|name| picture(&bench.path(name)));
+    let near = |(cpu, gpu): &(&f32, &f32)| (*cpu - *gpu).abs() <= 1e-4 * cpu.abs();
+    // Where a test is very close to its threshold, rounding decides whether a pixel counts.
+    assert!(cpu.iter().zip(&gpu).filter(near).count() * 100 >= 99 * cpu.len());
+    let plain = read_layer(&bench.path("cpu.exr"), "S").1;
+    assert!(plain.iter().zip(&gpu).filter(near).count() * 2 < cpu.len());
+}
+
+#[test]
 fn runs_become_one_dataset() {
     let bench = Bench::new();
     let scene = format!("render --scene {} --spp 9 --size 5x4 --quiet", cornell());
