@@ -1,7 +1,7 @@
 //! Scenes whose radiance has a closed form.
 
 use glam::Vec3A;
-use nst_core::{Keep, SequenceBatch, Side};
+use nst_core::{FurtherPowers, Keep, SequenceBatch, Side};
 use nst_render::{
     Camera, Environment, Material, RenderSettings, SamplerKind, Scattering, Scene, Triangle, render,
 };
@@ -46,8 +46,14 @@ fn cube(diffuse: Vec3A, emission: Vec3A, environment: Vec3A, position: Vec3A) ->
 }
 
 fn sequences(scene: &Scene, spp: u32) -> SequenceBatch {
-    let settings =
-        RenderSettings { spp, sampler: SamplerKind::Random, seed: 5, keep: Keep::Window(8) };
+    let settings = RenderSettings {
+        spp,
+        sampler: SamplerKind::Random,
+        seed: 5,
+        keep: Keep::Window(8),
+        features: false,
+        powers: FurtherPowers::NONE,
+    };
     render(scene, &settings, &|_| {}).expect("the scene renders").batch()
 }
 
@@ -148,6 +154,8 @@ fn variance_is_estimated_without_bias() {
                 sampler: SamplerKind::Random,
                 seed,
                 keep: Keep::Window(1),
+                features: false,
+                powers: FurtherPowers::NONE,
             };
             render(&scene, &settings, &|_| {}).expect("the scene renders").batch()
         })

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nst_core::Keep;
+use nst_core::{FurtherPowers, Keep};
 use nst_render::{RenderSettings, SamplerKind, Scene, render};
 
 fn cornell(size: [u32; 2]) -> Scene {
@@ -13,8 +13,14 @@ fn cornell(size: [u32; 2]) -> Scene {
 #[test]
 fn thread_count_does_not_change_a_bit() {
     let scene = cornell([50, 34]);
-    let settings =
-        RenderSettings { spp: 9, sampler: SamplerKind::Random, seed: 3, keep: Keep::All };
+    let settings = RenderSettings {
+        spp: 9,
+        sampler: SamplerKind::Random,
+        seed: 3,
+        keep: Keep::All,
+        features: false,
+        powers: FurtherPowers::NONE,
+    };
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| render(&scene, &settings, &|_| {})).expect("the scene renders").batch()

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nst_core::{Keep, Side};
+use nst_core::{FurtherPowers, Keep, Side};
 use nst_files::picture::Picture;
 use nst_render::{RenderSettings, SamplerKind, Scene, render};
 use nst_tests::image_test::{Comparison, Estimate, compare, sums_z};
@@ -37,7 +37,14 @@ impl Image {
     }
 
     fn render(scene: &Scene, spp: u32, sampler: SamplerKind, seed: u64) -> Self {
-        let settings = RenderSettings { spp, sampler, seed, keep: Keep::Window(1) };
+        let settings = RenderSettings {
+            spp,
+            sampler,
+            seed,
+            keep: Keep::Window(1),
+            powers: FurtherPowers::NONE,
+            features: false,
+        };
         let batch = render(scene, &settings, &|_| {}).expect("the scene renders").batch();
         let variance = batch.side(&Side::Variance).expect("a variance").to_vec();
         Self { mean: batch.last().to_vec(), variance }

@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::Vec3A;
-use nst_core::{Keep, Side};
+use nst_core::{FurtherPowers, Keep, Side};
 use nst_files::picture::Picture;
 use nst_render::{Relief, RenderSettings, SamplerKind, Scattering, Scene, render};
 use nst_tests::image_test::{Comparison, Estimate, compare, sums_z};
@@ -32,8 +32,14 @@ impl Image {
     }
 
     fn render(scene: &Scene, seed: u64) -> Self {
-        let settings =
-            RenderSettings { spp: 4096, sampler: SamplerKind::Random, seed, keep: Keep::Window(1) };
+        let settings = RenderSettings {
+            spp: 4096,
+            sampler: SamplerKind::Random,
+            seed,
+            keep: Keep::Window(1),
+            features: false,
+            powers: FurtherPowers::NONE,
+        };
         let batch = render(scene, &settings, &|_| {}).expect("the scene renders").batch();
         let variance = batch.side(&Side::Variance).expect("a variance").to_vec();
         Self { mean: batch.last().to_vec(), variance }

@@ -1,15 +1,17 @@
 //! The guard of the command line: over which experts, and where it has nothing to hold out.
 
 use nst_core::{
-    Error as CoreError, Estimates, Fitted, Identity, MlpCpu, Requirements, SequenceBatch, Strips,
-    Transform,
+    Error as CoreError, Estimates, Fitted, Identity, MlpCpu, Network, Requirements, SampleMlp,
+    SequenceBatch, Strips, Transform, Weights,
     guard::{Expert, Guard, Judgement, OfTransform},
 };
 
 use crate::{
-    args::ExpertArg,
+    adapter::Adapter,
+    args::{BackendArg, ExpertArg},
     error::Error,
-    networks::{builtin, network_of},
+    networks::{builtin, builtin_of_samples, network_of},
+    samples::evaluated,
 };
 
 /// The sampler whose folds are parts of one sequence, so that none says anything about the
@@ -21,13 +23,21 @@ const NESTED_FOLDS: &str = "the folds of --sampler halton depend on each other, 
                             held out; those of --sampler halton-folds do not";
 
 /// The guard over the experts of a list, which are its own if the list is empty, for samples of
-/// this sampler.
+/// this sampler. The first networks that see samples are also fitted again, as many as there is
+/// room for.
 ///
 /// # Errors
 /// [`Error::Usage`] says which expert cannot be one, and why.
-pub(crate) fn guard(list: &[ExpertArg], sampler: &str) -> Result<Box<dyn Transform>, Error> {
-    let others = list.iter().filter_map(|arg| expert(arg).transpose());
-    let others = others.collect::<Result<_, _>>()?;
+pub(crate) fn guard(
+    list: &[ExpertArg],
+    sampler: &str,
+    backend: BackendArg,
+    adapter: &Adapter,
+) -> Result<Box<dyn Transform>, Error> {
+    let others = list.iter().filter(|arg| **arg != ExpertArg::Lane);
+    let refits = Guard::MOST_EXPERTS.saturating_sub(others.clone().count());
+    let others = others.enumerate().map(|(i, arg)| expert(arg, i < refits, backend, adapter));
+    let others = others.collect::<Result<Vec<_>, _>>()?;
     if !list.is_empty() && !list.contains(&ExpertArg::Lane) {
         // Its first regression also says which lanes are alike.
         return Err(Error::Usage(
@@ -38,7 +48,8 @@ pub(crate) fn guard(list: &[ExpertArg], sampler: &str) -> Result<Box<dyn Transfo
     if let Some((_, twice)) = list.iter().enumerate().find(|(i, it)| list[..*i].contains(it)) {
         return Err(Error::Usage(format!("--experts: '{twice}' is named twice")));
     }
-    let guard = Guard::new(others).map_err(|error| Error::Usage(format!("--experts: {error}")))?;
+    let guard = Guard::new(others);
+    let guard = guard.map_err(|error| Error::Usage(format!("--experts: {}", reason(error))))?;
     if sampler == NESTED {
         let notes = vec![NESTED_FOLDS.to_owned()];
         let judgement = Judgement { ratio: 1.0, interval: [1.0; 2], notes, ..Judgement::default() };
@@ -47,21 +58,41 @@ pub(crate) fn guard(list: &[ExpertArg], sampler: &str) -> Result<Box<dyn Transfo
     Ok(Box::new(guard))
 }
 
-/// The expert of a name; `None` for those that the guard has anyway.
-fn expert(arg: &ExpertArg) -> Result<Option<Box<dyn Expert>>, Error> {
-    let (network, option) = match arg {
-        ExpertArg::Lane => return Ok(None),
-        ExpertArg::Builtin(name) => (builtin(name)?, "--transform"),
-        ExpertArg::Weights(path) => (network_of(path)?, "--weights"),
+/// The expert of a name.
+fn expert(
+    arg: &ExpertArg,
+    refit: bool,
+    backend: BackendArg,
+    adapter: &Adapter,
+) -> Result<Box<dyn Expert>, Error> {
+    let network = match arg {
+        ExpertArg::Lane => unreachable!("the guard has its own"),
+        ExpertArg::Builtin(name) => return of_terms(arg, builtin(name)?, "--transform"),
+        ExpertArg::Samples(name) => builtin_of_samples(name)?,
+        ExpertArg::Weights(path) => match network_of(path)? {
+            Weights::Window(network) => return of_terms(arg, network, "--weights"),
+            Weights::Samples(network) => network,
+        },
     };
+    let mlp: SampleMlp = evaluated(arg.to_string(), network, backend, adapter)?;
+    Ok(Box::new(if refit { mlp.with_refit() } else { mlp }))
+}
+
+/// The expert that a network which reads terms may be.
+fn of_terms(arg: &ExpertArg, network: Network, option: &str) -> Result<Box<dyn Expert>, Error> {
     let expert = OfTransform::new(arg.to_string(), MlpCpu::new(network)).map_err(|error| {
-        let why = match error {
-            CoreError::Batch(why) => why,
-            error => error.to_string(),
-        };
+        let why = reason(error);
         Error::Usage(format!("--experts: {why}; {option} {arg} applies it without the guard"))
     })?;
-    Ok(Some(Box::new(expert)))
+    Ok(Box::new(expert))
+}
+
+/// What an error says of experts.
+fn reason(error: CoreError) -> String {
+    match error {
+        CoreError::Batch(why) => why,
+        error => error.to_string(),
+    }
 }
 
 /// Keeps the plain estimates, and says why.

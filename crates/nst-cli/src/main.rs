@@ -19,6 +19,7 @@ mod networks;
 mod progress;
 mod report;
 mod results;
+mod samples;
 mod summary;
 mod system;
 mod words;

@@ -5,7 +5,9 @@ use std::{path::Path, sync::Arc};
 #[cfg(feature = "gpu")]
 use nst_core::gpu::{AdapterKind, FilterGpu, Gpu, MlpGpu};
 use nst_core::{
-    Estimates, Identity, MlpCpu, Network, SequenceBatch, Transform, Whole, guard::Judgement,
+    Estimates, Identity, MlpCpu, Network, SampleNetwork, SequenceBatch, Side, Transform, Weights,
+    Whole,
+    guard::{Alone, Judgement},
     methods::method,
 };
 
@@ -16,7 +18,8 @@ use crate::{
     args::{BackendArg, ExpertArg, MethodArgs, TransformArg},
     error::Error,
     guard::guard,
-    networks::{builtin, network_of},
+    networks::{builtin, builtin_of_samples, network_of},
+    samples::{Lack, evaluated},
 };
 
 /// The last terms of a stored sequence, unless the method reads more: the window of the
@@ -42,6 +45,9 @@ pub(crate) struct Method {
     /// The GPU that is in use.
     pub(crate) adapter: Adapter,
     pub(crate) transform: Box<dyn Transform>,
+    /// The option that asks for it, if it is a network that sees samples, without the guard: where
+    /// they lack what it needs, the job fails.
+    pub(crate) needs_statistics: Option<String>,
 }
 
 impl Method {
@@ -50,7 +56,7 @@ impl Method {
     pub(crate) fn resolve(args: &MethodArgs, sampler: &str) -> Result<Self, Error> {
         match (&args.weights, args.transform) {
             (Some(path), _) => Self::of_file(path, args.backend),
-            (None, TransformArg::Auto) => Self::auto(&args.experts, sampler),
+            (None, TransformArg::Auto) => Self::auto(&args.experts, sampler, args.backend),
             (None, named) if !args.experts.is_empty() => Err(Error::Usage(format!(
                 "--experts is for --transform auto, not for '{}'; leave out one of them",
                 named.name()
@@ -61,23 +67,35 @@ impl Method {
 
     /// The network of a weights file.
     pub(crate) fn of_file(path: &Path, backend: BackendArg) -> Result<Self, Error> {
-        Self::network(path.display().to_string(), network_of(path)?, backend)
+        let name = path.display().to_string();
+        match network_of(path)? {
+            Weights::Window(network) => Self::network(name, network, backend),
+            Weights::Samples(network) => {
+                Self::of_samples(&name, format!("--weights {name}"), network, backend)
+            }
+        }
     }
 
     /// The guard, over these experts.
-    pub(crate) fn auto(experts: &[ExpertArg], sampler: &str) -> Result<Self, Error> {
-        Ok(Self::on_cpu(TransformArg::Auto.name(), BLENDS, guard(experts, sampler)?))
+    pub(crate) fn auto(
+        experts: &[ExpertArg],
+        sampler: &str,
+        backend: BackendArg,
+    ) -> Result<Self, Error> {
+        let adapter = Adapter::default();
+        let transform = guard(experts, sampler, backend, &adapter)?;
+        Ok(Self { adapter, ..Self::on_cpu(TransformArg::Auto.name(), BLENDS, transform) })
     }
 
     /// The method of a name; `auto` with the guard's own experts, for independent folds.
     pub(crate) fn named(transform: TransformArg, backend: BackendArg) -> Result<Self, Error> {
         match transform {
-            TransformArg::Auto => Self::auto(&[], ""),
+            TransformArg::Auto => Self::auto(&[], "", backend),
             TransformArg::None => Ok(Self::on_cpu("none", AS_ASKED, Box::new(Identity))),
             TransformArg::Method(FILTER) if backend == BackendArg::Gpu => {
                 let adapter = Adapter::default();
-                let transform = filter_on_gpu(&adapter)?;
-                Ok(Self { name: FILTER.to_owned(), reason: AS_ASKED, adapter, transform })
+                let method = Self::on_cpu(FILTER, AS_ASKED, filter_on_gpu(&adapter)?);
+                Ok(Self { adapter, ..method })
             }
             TransformArg::Method(name) => {
                 let method = method(name);
@@ -86,6 +104,10 @@ impl Method {
                 Ok(Self::on_cpu(name, AS_ASKED, method))
             }
             TransformArg::Builtin(name) => Self::network(name, builtin(name)?, backend),
+            TransformArg::Samples(name) => {
+                let network = builtin_of_samples(name)?;
+                Self::of_samples(name, format!("--transform {name}"), network, backend)
+            }
         }
     }
 
@@ -114,6 +136,25 @@ impl Method {
         Ok(())
     }
 
+    /// Fails if samples with these side channels lack what a network without the guard needs. Where
+    /// the guard will leave one out for that, what to do is returned as a note.
+    pub(crate) fn check_statistics(&self, sides: &[Side]) -> Result<Option<String>, Error> {
+        match (Lack::of(&self.transform.requires(), sides), &self.needs_statistics) {
+            (Some(lack), Some(option)) => {
+                let why = lack.message(option);
+                Err(Error::Usage(format!("'{}' sees the samples, but {why}", self.name)))
+            }
+            (Some(lack @ Lack::Powers(_)), None) => Ok(Some(lack.message("the same --experts"))),
+            _ => Ok(None),
+        }
+    }
+
+    /// Says so if a GPU was asked for in vain.
+    pub(crate) fn note(&self, backend: BackendArg) -> Option<String> {
+        let in_vain = backend == BackendArg::Gpu && self.adapter().is_none();
+        in_vain.then(|| format!("--backend gpu: nothing of '{}' runs on a GPU", self.name))
+    }
+
     /// The GPU that the transformation ran on, if it did not fail.
     pub(crate) fn adapter(&self) -> Option<String> {
         self.adapter.name()
@@ -125,7 +166,21 @@ impl Method {
     }
 
     fn on_cpu(name: &str, reason: &'static str, transform: Box<dyn Transform>) -> Self {
-        Self { name: name.to_owned(), reason, adapter: Adapter::default(), transform }
+        let (name, adapter) = (name.to_owned(), Adapter::default());
+        Self { name, reason, adapter, transform, needs_statistics: None }
+    }
+
+    /// A network that sees samples, without the guard; `option` asks for it.
+    fn of_samples(
+        name: &str,
+        option: String,
+        network: SampleNetwork,
+        backend: BackendArg,
+    ) -> Result<Self, Error> {
+        let adapter = Adapter::default();
+        let mlp = evaluated(name.to_owned(), network, backend, &adapter)?;
+        let method = Self::on_cpu(name, AS_ASKED, Box::new(Alone::new(mlp)));
+        Ok(Self { adapter, needs_statistics: Some(option), ..method })
     }
 
     fn network(
@@ -141,7 +196,8 @@ impl Method {
             BackendArg::Gpu => on_gpu(network, &adapter)?,
             BackendArg::Auto => on_any(network, cpu, &adapter),
         };
-        Ok(Self { name: name.into(), reason: AS_ASKED, adapter, transform })
+        let needs_statistics = None;
+        Ok(Self { name: name.into(), reason: AS_ASKED, adapter, transform, needs_statistics })
     }
 }
 

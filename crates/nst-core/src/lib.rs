@@ -52,8 +52,8 @@ pub use network::{Builtin, Layer, Metadata, Network, SampleForm, SampleNetwork, 
 pub use sample_mlp::SampleMlp;
 pub(crate) use sequence::sum_in_order;
 pub use sequence::{
-    Extent, FOLDS, Grid, Keep, LANES_PER_BLOCK, LaneSums, Merging, Power, PowerSums, SequenceBatch,
-    Side, Strips, Whole, fold_count, root,
+    Extent, FOLDS, FeatureSums, FurtherPowers, Grid, Keep, LANES_PER_BLOCK, LaneSums, Merging,
+    Power, PowerSums, SequenceBatch, Side, Strips, Whole, fold_count, root,
 };
 pub use transform::{Estimates, Fit, Fitted, Identity, Requirements, Status, Support, Transform};
 pub use vector::Instructions;

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use crate::{Error, SequenceBatch, Side, Strips, Whole, guard::Judgement};
+use crate::{Error, FurtherPowers, SequenceBatch, Side, Strips, Whole, guard::Judgement};
 
 /// A method that maps each sequence of a batch to one estimate of its limit.
 ///
@@ -95,6 +95,9 @@ pub struct Requirements {
     /// The side channels without which all lanes keep S_n. No others are read when the method
     /// is [applied](Fitted::apply).
     pub sides: &'static [Side],
+    /// The powers of the samples whose [means of folds](Side::PowerMean) are read, too, where the
+    /// batch has them.
+    pub powers: FurtherPowers,
     /// The lanes that an estimate depends on, beside what was fitted.
     pub support: Support,
     /// Whether [`Transform::fit`] reads the whole batch.
@@ -120,13 +123,20 @@ impl Requirements {
     /// nothing else.
     #[must_use]
     pub fn of_lane(window: usize) -> Self {
-        Self { window, sides: &[], support: Support::Lane, fits: false }
+        let (sides, powers) = (&[] as &[Side], FurtherPowers::NONE);
+        Self { window, sides, powers, support: Support::Lane, fits: false }
     }
 
     /// How many numbers of a lane are read.
     #[must_use]
     pub fn numbers_per_lane(&self) -> usize {
-        self.window + self.sides.len()
+        self.window + self.sides.len() + self.powers.sides().count()
+    }
+
+    /// All side channels that are read.
+    #[must_use]
+    pub fn all_sides(&self) -> Vec<Side> {
+        self.sides.iter().cloned().chain(self.powers.sides()).collect()
     }
 
     /// The halo that strips need, in rows.

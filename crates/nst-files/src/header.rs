@@ -136,6 +136,24 @@ impl ExrHeader {
         layers
     }
 
+    /// All layers with these channels, whatever the case of their names.
+    pub(crate) fn layers_with(&self, channels: &[&str]) -> Vec<Layer> {
+        let mut layers = Vec::new();
+        for (index, part) in self.parts.iter().enumerate() {
+            for (prefix, group) in part.groups() {
+                let find = |wanted: &&str| {
+                    let mut of_name =
+                        group.iter().filter(|(name, _)| name.eq_ignore_ascii_case(wanted));
+                    of_name.next().map(|&(_, index)| index)
+                };
+                let channels = channels.iter().map(find).collect::<Option<Vec<_>>>();
+                let name = self.full_name(part, prefix);
+                layers.extend(channels.map(|channels| Layer { name, part: index, channels }));
+            }
+        }
+        layers
+    }
+
     /// Finds the layer of a name. Without a name, it is the main picture, or the only layer,
     /// or the only one of R, G and B, or `Combined`, as Blender names the picture beside its
     /// passes.

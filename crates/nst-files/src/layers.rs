@@ -25,11 +25,14 @@ impl ColorModel {
     }
 
     /// The channels of a side channel's layer: those of the picture if it has a value for
-    /// each lane, one alone if it has a value for each pixel.
+    /// each lane, one alone if it has a value for each pixel, or three coordinates.
     pub(crate) fn side_channels(self, side: &Side) -> &'static [&'static str] {
-        match side.extent() {
-            Extent::Lane => self.channels(),
-            Extent::Pixel => Self::Mono.channels(),
+        match (side.extent(), side) {
+            (Extent::Lane, _) => self.channels(),
+            // As every program calls a depth.
+            (Extent::Pixel, Side::Depth) => &["Z"],
+            (Extent::Pixel, _) => Self::Mono.channels(),
+            (Extent::Vector, _) => &["X", "Y", "Z"],
         }
     }
 }

@@ -74,6 +74,14 @@ impl Picture {
     pub fn open(path: &Path, layer: Option<&str>) -> Result<Self, Error> {
         let header = ExrHeader::read(path)?;
         let layer = header.choose(layer).map_err(|message| Error::malformed(path, message))?;
+        Self::of_layer(path, &header, layer)
+    }
+
+    /// The same of a layer of the header.
+    ///
+    /// # Errors
+    /// [`Error::Malformed`] says what is wrong.
+    pub(crate) fn of_layer(path: &Path, header: &ExrHeader, layer: Layer) -> Result<Self, Error> {
         let part = &header.parts[layer.part];
         let channels = || layer.channels.iter().map(|&channel| &part.channels[channel]);
         if part.deep {
@@ -95,7 +103,7 @@ impl Picture {
         let [width, height] = part.size;
         Grid::new(width, height, layer.channels.len() as u32, 0)
             .map_err(|error| Error::malformed(path, error.to_string()))?;
-        let samples = samples_per_pixel(&header, &layer);
+        let samples = samples_per_pixel(header, &layer);
         let before_denoising = blender::before_denoising(&layer.name);
         Ok(Self {
             path: path.to_owned(),

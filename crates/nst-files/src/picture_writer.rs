@@ -1,5 +1,7 @@
 //! EXR pictures with layers, written whole or row by row.
 
+use nst_core::Side;
+
 use crate::{
     ColorModel, Error,
     layers::layer_channels,
@@ -54,7 +56,8 @@ pub struct PictureWriter<'a> {
 
 impl<'a> PictureWriter<'a> {
     /// Begins a picture with these layers, of which one may have no name: its channels
-    /// have no prefix, and are what programs show first.
+    /// have no prefix, and are what programs show first. Then come layers of side channels, with
+    /// the channels that those have in sequences.
     ///
     /// # Errors
     /// [`Error::Io`] if it cannot be written.
@@ -63,24 +66,30 @@ impl<'a> PictureWriter<'a> {
         size: [u32; 2],
         model: ColorModel,
         layers: &[&str],
+        sides: &[Side],
         info: &PictureInfo,
     ) -> Result<Self, Error> {
-        let channels: Vec<_> =
-            layers.iter().flat_map(|layer| layer_channels(layer, model.channels())).collect();
+        let layers = layers.iter().map(|layer| ((*layer).to_owned(), model.channels()));
+        let sides = sides.iter().map(|side| (side.to_string(), model.side_channels(side)));
+        let channels: Vec<_> = layers
+            .chain(sides)
+            .flat_map(|(layer, channels)| layer_channels(&layer, channels).collect::<Vec<_>>())
+            .collect();
         Ok(Self { rows: RowWriter::create(output, size, &channels, info.attributes())?, model })
     }
 
-    /// Appends rows of each layer, as planar lanes. All calls but the last need a multiple
-    /// of 16 rows.
+    /// Appends rows of each layer, as planar lanes; the first must be one of lanes. All calls but
+    /// the last need a multiple of 16 rows.
     ///
     /// # Errors
     /// [`Error::Io`] if they cannot be written, [`Error::Mismatch`] if they are not the
     /// rows that follow.
     pub fn push(&mut self, layers: &[&[f32]]) -> Result<(), Error> {
-        let channels = self.model.channels().len();
+        let lanes = layers.first().map_or(0, |lanes| lanes.len());
+        let pixels = (lanes / self.model.channels().len()).max(1);
         let planes: Vec<&[u8]> = layers
             .iter()
-            .flat_map(|lanes| lanes.chunks((lanes.len() / channels).max(1)))
+            .flat_map(|lanes| lanes.chunks(pixels))
             .map(bytemuck::cast_slice)
             .collect();
         self.rows.push(&planes)
@@ -108,7 +117,7 @@ pub fn write_exr(
     info: &PictureInfo,
 ) -> Result<(), Error> {
     let (names, lanes): (Vec<&str>, Vec<&[f32]>) = layers.iter().copied().unzip();
-    let mut writer = PictureWriter::create(output, size, model, &names, info)?;
+    let mut writer = PictureWriter::create(output, size, model, &names, &[], info)?;
     writer.push(&lanes)?;
     writer.finish()
 }

@@ -15,8 +15,8 @@ use std::{
 use exr::prelude::{Compression, ReadChannels, ReadLayers, WritableImage};
 use ndarray::Array2;
 use nst_core::{
-    Estimates, FOLDS, Grid, Identity, Keep, LaneSums, SequenceBatch, Side, Strips, Transform,
-    fold_count, random::SplitMix64,
+    Estimates, FOLDS, FeatureSums, Grid, Identity, Keep, LaneSums, SequenceBatch, Side, Strips,
+    Transform, fold_count, random::SplitMix64,
 };
 use nst_files::{
     ColorModel,
@@ -68,6 +68,7 @@ fn sequence(model: ColorModel, resume: bool) -> SequenceFile {
     batch.set_side(Side::Variance, variance).expect("the variance");
     let skipped = (0..13 * 21).map(|pixel| (pixel / 40) as f32).collect();
     batch.set_side(Side::Skipped, skipped).expect("a number per pixel");
+    let features = (model == ColorModel::Rgb).then(|| features(&mut batch));
     let resume = resume.then_some(ResumeInfo {
         keep: Keep::Pow2(2),
         pixel_filter: "box".into(),
@@ -85,7 +86,31 @@ fn sequence(model: ColorModel, resume: bool) -> SequenceFile {
         render_seconds: 1.0,
         resume,
     };
-    SequenceFile { sums: info.resume.is_some().then_some(sums), info, batch }
+    let features = features.filter(|_| info.resume.is_some());
+    SequenceFile { sums: info.resume.is_some().then_some(sums), info, batch, features }
+}
+
+/// Gives the picture features of eight samples; returns their sums.
+fn features(batch: &mut SequenceBatch) -> Vec<FeatureSums> {
+    let of_pixel = |pixel: usize| {
+        let value = (pixel / 40) as f64;
+        FeatureSums {
+            albedo: [0.1, 0.3, 0.1 * value],
+            normal: [0.7, -value, 0.1],
+            depth: 3.3 * value,
+            emission: [[0.0; FOLDS], [value, 1.0 / 3.0, 0.0, value], [1.0; FOLDS]],
+        }
+    };
+    let pixels: Vec<_> = (0..13 * 21).map(of_pixel).collect();
+    for side in Side::FEATURES {
+        let channels = if *side == Side::Depth { 1 } else { 3 };
+        let mut means = vec![0.0; channels * pixels.len()];
+        for (channel, means) in means.chunks_exact_mut(pixels.len()).enumerate() {
+            FeatureSums::write_side(&pixels, side, channel, 8, means);
+        }
+        batch.set_side(side.clone(), means).expect("a value for each channel of each pixel");
+    }
+    pixels
 }
 
 /// The file, stored by the exr crate with another compression.

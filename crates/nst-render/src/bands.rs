@@ -11,7 +11,7 @@ use std::{
     time::Instant,
 };
 
-use nst_core::{SequenceBatch, Side};
+use nst_core::{FurtherPowers, SequenceBatch, Side};
 use rayon::{ThreadPoolBuilder, prelude::*};
 
 use crate::{
@@ -103,6 +103,7 @@ fn hand(
                 width,
                 slots: film.slots,
                 samples,
+                powers: FurtherPowers::of(&film.powers),
                 tiles: row.iter().map(|(tile, film)| film.view(*tile)).collect(),
             };
             let rows = strip.batch([0; 2], &consumer.sides);

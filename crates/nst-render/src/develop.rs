@@ -3,7 +3,9 @@
 use std::{collections::BTreeMap, ops::Range};
 
 use ndarray::Array2;
-use nst_core::{Grid, LaneSums, SequenceBatch, Side};
+use nst_core::{
+    Extent, FOLDS, FeatureSums, FurtherPowers, Grid, LaneSums, SequenceBatch, Side, fold_count,
+};
 use rayon::prelude::*;
 
 use crate::{
@@ -22,6 +24,10 @@ pub(crate) struct TileView<'a> {
     pub(crate) sums: Vec<&'a [LaneSums]>,
     /// `[slot][channel][pixel]`
     pub(crate) terms: Vec<&'a [f32]>,
+    /// `[pixel]`, if they are kept.
+    pub(crate) features: Option<&'a [FeatureSums]>,
+    /// Sums of further powers, `[power][channel][pixel]`.
+    pub(crate) further: Vec<&'a [[f64; FOLDS]]>,
     pub(crate) skipped: &'a Skipped,
 }
 
@@ -33,6 +39,7 @@ pub(crate) struct Strip<'a> {
     pub(crate) slots: Slots,
     /// How many samples each pixel has.
     pub(crate) samples: u32,
+    pub(crate) powers: FurtherPowers,
     /// All tiles that have some of these rows, from the top, and from the left.
     pub(crate) tiles: Vec<TileView<'a>>,
 }
@@ -81,6 +88,17 @@ impl Strip<'_> {
         sums
     }
 
+    /// The sums of the features, `[pixel]`, if they are kept.
+    pub(crate) fn feature_sums(&self) -> Option<Vec<FeatureSums>> {
+        let mut sums = vec![FeatureSums::default(); self.lanes() / CHANNELS];
+        self.tiles.first()?.features?;
+        self.fill(&mut [&mut sums[..]], |tile, _, pixels, out| {
+            let features = tile.features.unwrap_or_default();
+            out[0].copy_from_slice(&features[pixels]);
+        });
+        Some(sums)
+    }
+
     fn lanes(&self) -> usize {
         CHANNELS * self.rows.len() * self.width as usize
     }
@@ -91,15 +109,67 @@ impl Strip<'_> {
         let of_sums: Vec<&Side> = of_sums.collect();
         let mut planes = vec![vec![0.0; grid.lanes()]; of_sums.len()];
         let mut outs: Vec<&mut [f32]> = planes.iter_mut().map(Vec::as_mut_slice).collect();
-        self.fill(&mut outs, |tile, channel, pixels, out| {
+        // They come first, if they are wanted at all.
+        let all_folds =
+            of_sums.iter().copied().take(Side::EVERY_OF_FOLDS.len()).eq(Side::EVERY_OF_FOLDS);
+        let at_once = if all_folds { Side::EVERY_OF_FOLDS.len() } else { 0 };
+        self.fill(&mut outs, |tile, channel, pixels, outs| {
             let sums = &tile.sums[channel][pixels];
-            for (side, out) in of_sums.iter().zip(out) {
+            let (folds, others) = outs.split_at_mut(at_once);
+            if all_folds {
+                LaneSums::write_folds(sums, self.samples, folds);
+            }
+            for (side, out) in of_sums[at_once..].iter().zip(others) {
                 LaneSums::write_side(sums, side, self.samples, out);
             }
         });
         let mut sides: Vec<_> = of_sums.into_iter().cloned().zip(planes).collect();
+        sides.extend(self.power_means(grid, wanted));
         if wanted.contains(&Side::Skipped) {
             sides.push((Side::Skipped, self.skipped(grid)));
+        }
+        if self.tiles.iter().all(|tile| tile.features.is_some()) {
+            let features = Side::of_features(self.samples).filter(|side| wanted.contains(side));
+            sides.extend(features.map(|side| (side.clone(), self.feature(grid, side))));
+        }
+        sides
+    }
+
+    /// A feature of all pixels.
+    fn feature(&self, grid: &Grid, side: &Side) -> Vec<f32> {
+        let channels = match side.extent() {
+            Extent::Lane => CHANNELS,
+            Extent::Pixel => 1,
+            Extent::Vector => 3,
+        };
+        let mut means = vec![0.0; channels * grid.pixels()];
+        self.fill(&mut [&mut means[..]], |tile, channel, pixels, out| {
+            let features = &tile.features.unwrap_or_default()[pixels];
+            FeatureSums::write_side(features, side, channel, self.samples, out[0]);
+        });
+        means
+    }
+
+    /// Those of the means of further powers, if each fold has a sample.
+    fn power_means(&self, grid: &Grid, wanted: &[Side]) -> Vec<(Side, Vec<f32>)> {
+        let mut sides = Vec::new();
+        if (self.samples as usize) < FOLDS {
+            return sides;
+        }
+        for (index, power) in self.powers.iter().enumerate() {
+            for (fold, side) in Side::power_means(power).into_iter().enumerate() {
+                if !wanted.contains(&side) {
+                    continue;
+                }
+                let (mut means, count) = (vec![0.0; grid.lanes()], fold_count(fold, self.samples));
+                self.fill(&mut [&mut means[..]], |tile, channel, pixels, out| {
+                    let sums = &tile.further[index * CHANNELS + channel][pixels];
+                    for (out, sums) in out[0].iter_mut().zip(sums) {
+                        *out = power.mean_of(sums[fold] / count) as f32;
+                    }
+                });
+                sides.push((side, means));
+            }
         }
         sides
     }
@@ -138,8 +208,9 @@ impl Strip<'_> {
         parts.into_par_iter().enumerate().for_each(|(i, mut outs)| {
             let (plane, y) = (i / self.rows.len(), self.rows.start + (i % self.rows.len()) as u32);
             let tiles = &self.tiles[(y / TILE - first) as usize * across..][..across];
+            let mut part: Vec<&mut [T]> = Vec::with_capacity(outs.len());
             for tile in tiles {
-                let mut part: Vec<&mut [T]> = Vec::with_capacity(outs.len());
+                part.clear();
                 for out in &mut outs {
                     let rest = std::mem::take(out);
                     let (left, right) = rest.split_at_mut(tile.tile.width as usize);

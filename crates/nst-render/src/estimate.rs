@@ -48,8 +48,11 @@ impl<'a, F: FnMut(Range<usize>, &Estimates)> Estimator<'a, F> {
     #[must_use]
     pub fn sides(&self) -> Option<Vec<Side>> {
         match self.stage {
-            Stage::Learns(_) => Some(Side::of_sums(u32::MAX).cloned().collect()),
-            Stage::Applies(_) => Some(self.transform.requires().sides.to_vec()),
+            Stage::Learns(_) => {
+                let further = self.transform.requires().powers.sides();
+                Some(Side::of_sums(u32::MAX).cloned().chain(further).collect())
+            }
+            Stage::Applies(_) => Some(self.transform.requires().all_sides()),
             Stage::Waits => None,
         }
     }
@@ -92,7 +95,7 @@ impl<'a, F: FnMut(Range<usize>, &Estimates)> Estimator<'a, F> {
             Stage::Applies(fitted) => (fitted, self.next),
             Stage::Waits => (self.transform.fit(&mut strips)?, 0),
         };
-        let mut strips = strips.with_sides(needs.sides);
+        let mut strips = strips.with_sides(&needs.all_sides());
         strips.rewind(needs.halo())?;
         strips.skip_to(next);
         while let Some(strip) = strips.next_rows() {
@@ -136,8 +139,8 @@ mod tests {
     };
 
     use nst_core::{
-        Keep, MlpCpu, Network,
-        guard::{Guard, Judgement},
+        FurtherPowers, Keep, MlpCpu, Network, Power, SampleMlp, SampleNetwork,
+        guard::{Alone, Expert, Guard, Judgement},
         methods::{METHODS, method},
     };
 
@@ -152,16 +155,39 @@ mod tests {
         Scene { size: SIZE, ..Scene::load(&path).expect("the scene") }
     }
 
+    fn all_powers() -> FurtherPowers {
+        FurtherPowers::of(&Power::all().collect::<Vec<_>>())
+    }
+
+    /// A network that sees samples, by further powers.
+    fn of_samples() -> SampleMlp {
+        let network = SampleNetwork::builtin("gaussian-samples").expect("it exists");
+        SampleMlp::new("gaussian-samples", network.expect("it is sound"))
+    }
+
     fn settings() -> RenderSettings {
         let keep = Keep::Window(10);
-        RenderSettings { spp: SPP, sampler: SamplerKind::Random, seed: 3, keep }
+        RenderSettings {
+            spp: SPP,
+            sampler: SamplerKind::Random,
+            seed: 3,
+            keep,
+            powers: all_powers(),
+            features: false,
+        }
     }
 
     fn all_methods() -> Vec<(&'static str, Box<dyn Transform>)> {
         let network = Network::builtin("families").expect("it exists").expect("it is sound");
         let listed = METHODS.iter().map(|&(name, _)| (name, method(name).expect("it is listed")));
-        let others: [(_, Box<dyn Transform>); 2] =
-            [("families", Box::new(MlpCpu::new(network))), ("guard", Box::new(Guard::default()))];
+        let experts: Vec<Box<dyn Expert>> = vec![Box::new(of_samples().with_refit())];
+        let guarded = Guard::new(experts).expect("one expert, and refitted");
+        let others: [(_, Box<dyn Transform>); 4] = [
+            ("families", Box::new(MlpCpu::new(network))),
+            ("guard", Box::new(Guard::default())),
+            ("gaussian-samples", Box::new(Alone::new(of_samples()))),
+            ("guard over gaussian-samples", Box::new(guarded)),
+        ];
         listed.chain(others).collect()
     }
 

@@ -2,12 +2,13 @@
 
 use std::{collections::BTreeMap, ops::Range};
 
-use nst_core::{Grid, LaneSums, Side};
+use nst_core::{FOLDS, FeatureSums, FurtherPowers, Grid, LaneSums, Power, Side};
 
 use crate::{
     Error,
     develop::{Skipped, Strip, TileView},
     memory,
+    path::FeatureSample,
     settings::{CHANNELS, RenderSettings, Start},
     slots::Slots,
     tiles::{self, Tile},
@@ -26,6 +27,11 @@ pub(crate) struct Film {
     terms: Vec<f32>,
     /// `[channel][pixel]`
     sums: Vec<LaneSums>,
+    /// `[pixel]`, if they are wanted.
+    features: Option<Vec<FeatureSums>>,
+    pub(crate) powers: FurtherPowers,
+    /// Their sums of each fold, `[power][channel][pixel]`.
+    further: Vec<[f64; FOLDS]>,
     /// By tile: the pixels with samples that counted as black, and their number.
     skipped: Vec<Skipped>,
 }
@@ -46,6 +52,7 @@ impl Film {
         memory::check_memory(size, settings)?;
         let skipped = vec![Skipped::new(); tiles::tiles(size).count()];
         let needed = memory::needed(size, settings);
+        let features = settings.features.then(|| memory::zeros(grid.pixels(), needed));
         Ok(Self {
             grid,
             size,
@@ -53,6 +60,9 @@ impl Film {
             samples: 0,
             terms: memory::zeros(slots.count().saturating_mul(grid.lanes()), needed)?,
             sums: memory::zeros(grid.lanes(), needed)?,
+            features: features.transpose()?,
+            powers: settings.powers,
+            further: memory::zeros(settings.powers.count() * grid.lanes(), needed)?,
             skipped,
         })
     }
@@ -61,31 +71,33 @@ impl Film {
     ///
     /// # Errors
     /// As [`Self::new`]; [`Error::Settings`] if the rendering has another size or other
-    /// terms, or has all samples already.
+    /// terms, other features, or has all samples already.
     pub(crate) fn of(
         start: Start,
         settings: &RenderSettings,
         size: [u32; 2],
     ) -> Result<Self, Error> {
-        let Start { batch, mut sums } = start;
+        let Start { batch, mut sums, mut features } = start;
         let counts = batch.sample_counts().to_vec();
         let samples = counts[counts.len() - 1];
         let lanes = CHANNELS * size[0] as usize * size[1] as usize;
         let fits = batch.lanes() == lanes
             && sums.len() == lanes
             && samples < settings.spp
-            && counts == settings.keep.sample_counts(samples);
+            && counts == settings.keep.sample_counts(samples)
+            && features.is_some() == settings.features
+            && features.as_ref().is_none_or(|pixels| CHANNELS * pixels.len() == lanes);
         if !fits {
             let message = format!(
                 "a rendering of {} lanes and {samples} spp cannot be continued to {lanes} lanes \
-                 and {} spp",
+                 and {} spp, or has other terms, or features that are not wanted, or lacks them",
                 batch.lanes(),
                 settings.spp
             );
             return Err(Error::Settings(message));
         }
         // Without its sums: `start` has them.
-        let mut film = Self { sums: Vec::new(), ..Self::new(settings, size)? };
+        let mut film = Self { sums: Vec::new(), features: None, ..Self::new(settings, size)? };
         for (k, count) in counts.into_iter().enumerate() {
             for slot in film.slots.of(count, samples) {
                 film.terms[slot * lanes..][..lanes].copy_from_slice(batch.term(k));
@@ -102,7 +114,10 @@ impl Film {
         drop(batch);
         tiles::to_tiles(&mut film.terms, size);
         tiles::to_tiles(&mut sums, size);
-        Ok(Self { samples, sums, ..film })
+        if let Some(features) = &mut features {
+            tiles::to_tiles(features, size);
+        }
+        Ok(Self { samples, sums, features, ..film })
     }
 
     /// The tiles of the picture, each with its part of the film.
@@ -110,11 +125,16 @@ impl Film {
         let (pixels, slots) = (self.grid.pixels(), self.slots);
         let sums = tiles::split(self.sums.chunks_exact_mut(pixels), self.size);
         let terms = tiles::split(self.terms.chunks_exact_mut(pixels), self.size);
-        let parts = sums.into_iter().zip(terms).zip(&mut self.skipped);
+        let further = tiles::split(self.further.chunks_exact_mut(pixels), self.size);
+        let features = self.features.iter_mut().map(Vec::as_mut_slice);
+        let features = tiles::split(features, self.size);
+        let powers: Vec<Power> = self.powers.iter().collect();
+        let parts = sums.into_iter().zip(terms).zip(further).zip(features).zip(&mut self.skipped);
         tiles::tiles(self.size)
             .zip(parts)
-            .map(|(tile, ((sums, terms), skipped))| {
-                (tile, TileFilm { slots, sums, terms, skipped })
+            .map(|(tile, ((((sums, terms), further), features), skipped))| {
+                let (powers, features) = (powers.clone(), features.into_iter().next());
+                (tile, TileFilm { slots, sums, terms, powers, further, features, skipped })
             })
             .collect()
     }
@@ -129,10 +149,18 @@ impl Film {
             tile,
             sums: parts(&self.sums, self.grid.pixels(), &tile.place(width)),
             terms: parts(&self.terms, self.grid.pixels(), &tile.place(width)),
+            features: self.features.as_ref().map(|pixels| &pixels[tile.place(width)]),
+            further: parts(&self.further, self.grid.pixels(), &tile.place(width)),
             skipped,
         };
         let tiles = tiles.map(view).collect();
-        Strip { rows, width, slots: self.slots, samples: self.samples, tiles }
+        let Self { slots, samples, powers, .. } = *self;
+        Strip { rows, width, slots, samples, powers, tiles }
+    }
+
+    /// Whether features are kept.
+    pub(crate) fn has_features(&self) -> bool {
+        self.features.is_some()
     }
 
     /// How many samples of the whole picture count as black.
@@ -153,6 +181,11 @@ pub(crate) struct TileFilm<'a> {
     sums: Vec<&'a mut [LaneSums]>,
     /// `[slot][channel][pixel]`
     terms: Vec<&'a mut [f32]>,
+    /// `[pixel]`, if they are wanted.
+    features: Option<&'a mut [FeatureSums]>,
+    pub(crate) powers: Vec<Power>,
+    /// `[power][channel][pixel]`
+    further: Vec<&'a mut [[f64; FOLDS]]>,
     skipped: &'a mut Skipped,
 }
 
@@ -161,32 +194,83 @@ impl TileFilm<'_> {
     pub(crate) fn view(&self, tile: Tile) -> TileView<'_> {
         let sums = self.sums.iter().map(|lanes| &**lanes).collect();
         let terms = self.terms.iter().map(|term| &**term).collect();
-        TileView { tile, sums, terms, skipped: self.skipped }
+        let further = self.further.iter().map(|sums| &**sums).collect();
+        let features = self.features.as_deref();
+        TileView { tile, sums, terms, further, features, skipped: self.skipped }
+    }
+
+    /// Whether features are wanted.
+    pub(crate) fn has_features(&self) -> bool {
+        self.features.is_some()
     }
 
     /// Writes to the memory of an empty film's sums. To read them first, as adding does, costs
     /// twice as many page faults.
     pub(crate) fn clear(&mut self) {
         self.sums.iter_mut().for_each(|lanes| lanes.fill(LaneSums::default()));
+        if let Some(features) = &mut self.features {
+            features.fill(FeatureSums::default());
+        }
+        self.further.iter_mut().for_each(|lanes| lanes.fill([0.0; FOLDS]));
     }
 
     /// Adds a sample to its pixel, in a pass that ends with S_`end`. Sums are in f64: the
     /// differences between late terms are far below their size. A sample that is not finite
-    /// counts as black, as it would spoil the sums of all others.
+    /// counts as black, as it would spoil the sums of all others. Returns whether it is finite.
     #[inline]
-    pub(crate) fn add(&mut self, pixel: usize, index: u32, mut rgb: [f64; CHANNELS], end: u32) {
-        if !rgb.iter().all(|x| x.is_finite()) {
+    pub(crate) fn add(
+        &mut self,
+        pixel: usize,
+        index: u32,
+        mut rgb: [f64; CHANNELS],
+        end: u32,
+    ) -> bool {
+        let is_finite = rgb.iter().all(|x| x.is_finite());
+        if !is_finite {
             *self.skipped.entry(pixel as u32).or_default() += 1;
             rgb = [0.0; CHANNELS];
         }
         for (lanes, sample) in self.sums.iter_mut().zip(rgb) {
             lanes[pixel].add(index, sample);
         }
+        let fold = index as usize % FOLDS;
+        for (power, lanes) in self.powers.iter().zip(self.further.chunks_exact_mut(CHANNELS)) {
+            for (lanes, sample) in lanes.iter_mut().zip(rgb) {
+                lanes[pixel][fold] += power.of(sample);
+            }
+        }
         let n = index + 1;
         for slot in self.slots.of(n, end) {
             let terms = self.terms[slot * CHANNELS..].iter_mut();
             for (term, sums) in terms.zip(&self.sums) {
                 term[pixel] = (sums[pixel].total() / f64::from(n)) as f32;
+            }
+        }
+        is_finite
+    }
+
+    /// Adds the features of a sample to its pixel, if they are kept. `is_finite`: whether its
+    /// radiance is; if not, the camera sees no light directly, either.
+    #[inline]
+    pub(crate) fn add_features(
+        &mut self,
+        pixel: usize,
+        index: u32,
+        sample: &FeatureSample,
+        is_finite: bool,
+    ) {
+        let Some(features) = &mut self.features else { return };
+        let sums = &mut features[pixel];
+        let add = |sums: &mut [f64; 3], values: [f32; 3]| {
+            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += f64::from(value));
+        };
+        add(&mut sums.albedo, sample.albedo.to_array());
+        add(&mut sums.normal, sample.normal.to_array());
+        sums.depth += f64::from(sample.depth);
+        if is_finite {
+            let fold = index as usize % FOLDS;
+            for (sums, value) in sums.emission.iter_mut().zip(sample.emission.to_array()) {
+                sums[fold] += f64::from(value);
             }
         }
     }
@@ -196,14 +280,31 @@ impl TileFilm<'_> {
 mod tests {
     use std::time::Duration;
 
+    use glam::Vec3;
     use nst_core::Keep;
 
     use super::*;
     use crate::{Rendering, SamplerKind};
 
     fn settings(spp: u32) -> RenderSettings {
-        RenderSettings { spp, sampler: SamplerKind::Random, seed: 0, keep: Keep::Window(2) }
+        RenderSettings {
+            spp,
+            sampler: SamplerKind::Random,
+            seed: 0,
+            keep: Keep::Window(2),
+            features: false,
+            powers: FurtherPowers::NONE,
+        }
     }
+
+    /// What every sample sees.
+    const SEEN: FeatureSample = FeatureSample {
+        albedo: Vec3::new(0.25, 0.5, 0.75),
+        normal: Vec3::Y,
+        depth: 3.0,
+        emission: Vec3::splat(0.5),
+        is_settled: true,
+    };
 
     /// Adds some samples of all pixels, of which those of pixel (20, 3) are `odd`.
     fn expose(film: &mut Film, samples: std::ops::Range<u32>, odd: impl Fn(u32) -> f64) {
@@ -214,7 +315,8 @@ mod tests {
                         (20, 3) => odd(index),
                         _ => f64::from(index),
                     };
-                    part.add(pixel, index, [1.0, value, 2.0], samples.end);
+                    let is_finite = part.add(pixel, index, [1.0, value, 2.0], samples.end);
+                    part.add_features(pixel, index, &SEEN, is_finite);
                 }
             }
         }
@@ -231,12 +333,17 @@ mod tests {
             6 => f64::INFINITY,
             _ => f64::from(index),
         };
-        let mut film = Film::new(&settings(8), size)?;
+        let settings = RenderSettings { features: true, ..settings(8) };
+        let mut film = Film::new(&settings, size)?;
         expose(&mut film, 0..5, odd);
         assert_eq!(film.skipped(), 1);
         let part = Rendering::new(film, Duration::ZERO, Duration::ZERO);
-        let start = Start { batch: part.batch(), sums: part.sums(0..size[1]) };
-        let mut film = Film::of(start, &settings(8), size)?;
+        let start = Start {
+            batch: part.batch(),
+            sums: part.sums(0..size[1]),
+            features: part.feature_sums(0..size[1]),
+        };
+        let mut film = Film::of(start, &settings, size)?;
         expose(&mut film, 5..8, odd);
         assert_eq!(film.skipped(), 2);
         let whole = Rendering::new(film, Duration::ZERO, Duration::ZERO).batch();
@@ -248,6 +355,10 @@ mod tests {
         assert_eq!([0, 1, 2].map(of_channel), [0.75, (28.0 - 1.0 - 6.0) / 8.0, 1.5]);
         let variance = whole.side(&Side::Variance).expect("a variance");
         assert!(variance[pixels + pixel] > 0.0 && variance.iter().all(|v| v.is_finite()));
+        // It has no radiance, but a surface.
+        let feature = |side: Side| whole.side(&side).expect("features are kept")[pixel];
+        assert_eq!([feature(Side::Emission), feature(Side::EmissionFold(1))], [0.375, 0.25]);
+        assert_eq!([feature(Side::Albedo), feature(Side::Depth)], [0.25, 3.0]);
         Ok(())
     }
 

@@ -104,6 +104,10 @@ impl Default for Disney {
     }
 }
 
+/// GGX widths α up to this one are mirrors to whoever looks at features: Cycles, too, follows
+/// paths through them (`intern/cycles/kernel/film/denoising_passes.h`).
+const MIRROR_ALPHA: f32 = 0.075;
+
 /// Reflectance of a surface of which nobody says it: as light as white paint.
 pub(crate) const GREY: f32 = 0.8;
 
@@ -129,6 +133,34 @@ impl Material {
     #[must_use]
     pub fn is_cut_out(&self) -> bool {
         self.opacity < 1.0 || self.opacity_texture.is_some()
+    }
+
+    /// Whether a camera sees others in surfaces of this material, rather than their own colour:
+    /// glass, and metals that are smooth.
+    pub(crate) fn shows_others(&self) -> bool {
+        match self.scattering {
+            Scattering::Lambert => false,
+            Scattering::Dielectric { .. } | Scattering::ThinDielectric { .. } => true,
+            Scattering::Disney(Disney { metallic, roughness, anisotropic, .. }) => {
+                // The greater of both widths.
+                let alpha = roughness * roughness / (1.0 - 0.9 * anisotropic).sqrt();
+                metallic == 1.0 && alpha <= MIRROR_ALPHA
+            }
+        }
+    }
+
+    /// About the share of light that a surface of a reflectance or base colour reflects, whatever
+    /// the directions: for Disney's materials, that of diffuse and specular reflection at normal
+    /// incidence; for glass, 1, as it reflects or passes everything.
+    pub(crate) fn albedo(&self, color: Vec3A) -> Vec3A {
+        match self.scattering {
+            Scattering::Lambert => color,
+            Scattering::Disney(Disney { metallic, specular, .. }) => {
+                // `Disney::specular` says what its unit is.
+                color + (1.0 - metallic) * 0.08 * specular
+            }
+            Scattering::Dielectric { .. } | Scattering::ThinDielectric { .. } => Vec3A::ONE,
+        }
     }
 
     /// Whether surfaces of this material are lights.

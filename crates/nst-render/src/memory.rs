@@ -1,7 +1,7 @@
 //! Checks whether a rendering fits into memory, before it begins.
 
 use bytemuck::Zeroable;
-use nst_core::LaneSums;
+use nst_core::{FOLDS, FeatureSums, LaneSums};
 
 use crate::{
     Error,
@@ -9,7 +9,8 @@ use crate::{
     slots::Slots,
 };
 
-/// Bytes that a rendering of a size takes: for each lane its terms and sums.
+/// Bytes that a rendering of a size takes: for each lane its terms and sums, and for each pixel
+/// the sums of its features.
 pub(crate) fn needed(size: [u32; 2], settings: &RenderSettings) -> u128 {
     let pixels = u128::from(size[0]) * u128::from(size[1]);
     pixels * bytes_per_pixel(settings)
@@ -17,7 +18,9 @@ pub(crate) fn needed(size: [u32; 2], settings: &RenderSettings) -> u128 {
 
 fn bytes_per_pixel(settings: &RenderSettings) -> u128 {
     let slots = Slots::new(settings.keep, settings.spp).count() as u128;
-    CHANNELS as u128 * (slots * size_of::<f32>() as u128 + size_of::<LaneSums>() as u128)
+    let sums = size_of::<LaneSums>() + settings.powers.count() * size_of::<[f64; FOLDS]>();
+    let features = if settings.features { size_of::<FeatureSums>() } else { 0 };
+    CHANNELS as u128 * (slots * size_of::<f32>() as u128 + sums as u128) + features as u128
 }
 
 /// Fails if a rendering needs more memory than is free, before anything is allocated;
@@ -87,7 +90,7 @@ fn available() -> Option<u64> {
 
 #[cfg(test)]
 mod tests {
-    use nst_core::Keep;
+    use nst_core::{FurtherPowers, Keep};
 
     use super::*;
     use crate::SamplerKind;
@@ -101,8 +104,14 @@ mod tests {
             ([16, 16], 4_000_000_000, "43666 stored terms of each pixel would fit"),
             ([16000, 16000], 4_000_000_000, "668x668 pixels with one stored term each would fit"),
         ] {
-            let settings =
-                RenderSettings { spp, sampler: SamplerKind::Random, seed: 0, keep: Keep::All };
+            let settings = RenderSettings {
+                spp,
+                sampler: SamplerKind::Random,
+                seed: 0,
+                keep: Keep::All,
+                features: false,
+                powers: FurtherPowers::NONE,
+            };
             assert_eq!(advice(size, &settings, 1 << 27), expected);
         }
     }

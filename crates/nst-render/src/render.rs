@@ -18,7 +18,7 @@ use crate::{
     film::{Film, TileFilm},
     path::{PathTracer, Workspace},
     rendering::Rendering,
-    settings::{CHANNELS, RenderSettings, Start},
+    settings::{RenderSettings, Start},
     tiles::Tile,
 };
 
@@ -153,9 +153,11 @@ impl<'a> Frame<'a> {
                 if pass.start == 0 {
                     film.clear();
                 }
-                self.trace(&mut workspace, tile, pass.clone(), |pixel, index, rgb| {
-                    film.add(pixel, index, rgb, pass.end);
-                });
+                if film.has_features() {
+                    self.trace::<true>(&mut workspace, tile, pass.clone(), film);
+                } else {
+                    self.trace::<false>(&mut workspace, tile, pass.clone(), film);
+                }
                 (control.progress)(tile.pixels() as u64 * pass.len() as u64);
             };
             if pass.end == spp
@@ -175,15 +177,14 @@ impl<'a> Frame<'a> {
         }
     }
 
-    /// Traces some of the samples of a tile's pixels and hands each to `record`:
-    /// the pixel of the tile, the sample's index, and its radiance. The indices
-    /// of a pixel increase.
-    fn trace(
+    /// Traces a pass of samples of a tile's pixels, and adds them to the film. The indices of a
+    /// pixel increase.
+    fn trace<const FEATURES: bool>(
         &self,
         workspace: &mut Workspace,
         tile: &Tile,
         indices: Range<u32>,
-        mut record: impl FnMut(usize, u32, [f64; CHANNELS]),
+        film: &mut TileFilm<'_>,
     ) {
         let camera = |pixel: usize, index: u32| {
             let (x, y) = tile.pixel(pixel);
@@ -202,10 +203,15 @@ impl<'a> Frame<'a> {
                     .flat_map(move |pixel| batch.clone().map(move |index| (pixel, index)))
             };
             let rays = paths().map(|(pixel, index)| camera(pixel, index));
-            let radiances =
-                self.tracer.radiances(workspace, self.sampler.kind(), self.projection.origin, rays);
-            for ((pixel, index), radiance) in paths().zip(radiances) {
-                record(pixel, index, radiance.to_array().map(f64::from));
+            let (kind, origin) = (self.sampler.kind(), self.projection.origin);
+            let (radiances, features) =
+                self.tracer.trace::<FEATURES>(workspace, kind, origin, rays);
+            for (i, ((pixel, index), radiance)) in paths().zip(radiances).enumerate() {
+                let rgb = radiance.to_array().map(f64::from);
+                let is_finite = film.add(pixel, index, rgb, indices.end);
+                if FEATURES {
+                    film.add_features(pixel, index, &features[i], is_finite);
+                }
             }
         }
     }
@@ -226,7 +232,7 @@ mod tests {
         sync::atomic::{AtomicU32, Ordering},
     };
 
-    use nst_core::Keep;
+    use nst_core::{FurtherPowers, Keep, Side};
 
     use super::*;
     use crate::SamplerKind;
@@ -238,7 +244,8 @@ mod tests {
 
     fn start(rendering: &Rendering) -> Start {
         let [_, height] = rendering.size();
-        Start { batch: rendering.batch(), sums: rendering.sums(0..height) }
+        let features = rendering.feature_sums(0..height);
+        Start { batch: rendering.batch(), sums: rendering.sums(0..height), features }
     }
 
     /// Stops after some passes.
@@ -253,7 +260,15 @@ mod tests {
     fn a_rendering_goes_on_where_it_stopped() {
         for keep in [Keep::Window(8), Keep::All, Keep::Pow2(3)] {
             for sampler in [SamplerKind::Random, SamplerKind::Halton, SamplerKind::HaltonFolds] {
-                let settings = RenderSettings { spp: 41, sampler, seed: 3, keep };
+                let features = sampler != SamplerKind::Halton;
+                let settings = RenderSettings {
+                    spp: 41,
+                    sampler,
+                    seed: 3,
+                    keep,
+                    powers: FurtherPowers::NONE,
+                    features,
+                };
                 let whole = render(&scene(), &settings, &|_| {}).expect("the scene renders");
                 let mut part = stopped(None, &settings, 1);
                 assert_eq!(part.samples(), 16);
@@ -263,7 +278,44 @@ mod tests {
                 let part = stopped(Some(start(&part)), &settings, 9);
                 assert_eq!(part.batch(), whole.batch());
                 assert_eq!(part.sums(0..18), whole.sums(0..18));
+                assert_eq!(part.feature_sums(0..18), whole.feature_sums(0..18));
+                assert_eq!(whole.feature_sums(0..18).is_some(), features);
             }
+        }
+    }
+
+    /// All terms, sums and side channels are those without features; and the light that is seen
+    /// directly is that of paths of one vertex.
+    #[test]
+    fn features_come_beside_the_same_sequences() {
+        let keep = Keep::All;
+        let with = RenderSettings {
+            spp: 6,
+            sampler: SamplerKind::Random,
+            seed: 3,
+            keep,
+            powers: FurtherPowers::NONE,
+            features: true,
+        };
+        let without = RenderSettings { features: false, ..with };
+        let of = |scene: &Scene, settings| {
+            render(scene, settings, &|_| {}).expect("the scene renders").batch()
+        };
+        let (all, plain) = (of(&scene(), &with), of(&scene(), &without));
+        assert_eq!(all.terms(), plain.terms());
+        let features: Vec<&Side> = Side::FEATURES.iter().collect();
+        let (of_features, others): (Vec<_>, Vec<_>) =
+            all.sides().partition(|(side, _)| features.contains(side));
+        assert!(others.into_iter().eq(plain.sides()));
+        assert!(of_features.iter().map(|(side, _)| *side).eq(features));
+        let lamps = of(&Scene { max_depth: 1, ..scene() }, &without);
+        let emission = all.side(&Side::Emission).expect("it is asked for");
+        assert_eq!(emission, lamps.last());
+        assert_ne!(emission, all.last());
+        for fold in 0..4 {
+            let seen = all.side(&Side::EmissionFold(fold)).expect("there are enough samples");
+            assert_eq!(Some(seen), lamps.side(&Side::Fold(fold)));
+            assert_ne!(Some(seen), all.side(&Side::Fold(fold)));
         }
     }
 
@@ -279,13 +331,21 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_not_continued() {
-        let settings =
-            RenderSettings { spp: 9, sampler: SamplerKind::Random, seed: 3, keep: Keep::Window(4) };
+        let settings = RenderSettings {
+            spp: 9,
+            sampler: SamplerKind::Random,
+            seed: 3,
+            keep: Keep::Window(4),
+            features: false,
+            powers: FurtherPowers::NONE,
+        };
         let whole = || start(&render(&scene(), &settings, &|_| {}).expect("the scene renders"));
         let more = RenderSettings { spp: 12, ..settings };
         let control = Control { progress: &|_| {}, stop: &|| false };
         assert!(render_from(Some(whole()), &scene(), &more, control).is_ok());
         assert!(render_from(Some(whole()), &scene(), &settings, control).is_err());
+        let other = RenderSettings { features: true, ..more };
+        assert!(render_from(Some(whole()), &scene(), &other, control).is_err());
         let other = RenderSettings { keep: Keep::All, ..more };
         assert!(render_from(Some(whole()), &scene(), &other, control).is_err());
         let other = Scene { size: [18, 36], ..scene() };

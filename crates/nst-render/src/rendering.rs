@@ -2,15 +2,15 @@
 
 use std::{borrow::Cow, ops::Range, time::Duration};
 
-use nst_core::{LaneSums, SequenceBatch, Side, Strips};
+use nst_core::{FOLDS, FeatureSums, LaneSums, SequenceBatch, Side, Strips};
 
 use crate::{film::Film, tiles::TILE};
 
 /// What [`render()`](crate::render()) returns: sequences of three planar channels of lanes, in
 /// a grid. In memory are the kept terms, and the sums from which it can be continued; side
 /// channels are made where they are asked for: the means of the folds (from
-/// [`FOLDS`](nst_core::FOLDS) samples on), the variance of S_N (from two on), and the number of
-/// samples that were not finite (where any was).
+/// [`FOLDS`] samples on), those of further powers that were asked for, the variance of S_N (from
+/// two on), and the number of samples that were not finite (where any was).
 #[derive(Clone, Debug)]
 pub struct Rendering {
     film: Film,
@@ -49,7 +49,13 @@ impl Rendering {
     #[must_use]
     pub fn sides(&self) -> Vec<Side> {
         let skipped = (self.skipped() > 0).then_some(&Side::Skipped);
-        Side::of_sums(self.film.samples).chain(skipped).cloned().collect()
+        let features = self.film.has_features().then(|| Side::of_features(self.film.samples));
+        let of_powers = self.film.powers.sides().filter(|_| self.samples() as usize >= FOLDS);
+        let of_sums = Side::of_sums(self.film.samples).chain(skipped);
+        let kept = of_sums.chain(features.into_iter().flatten()).cloned();
+        let mut sides: Vec<Side> = kept.chain(of_powers).collect();
+        sides.sort_unstable();
+        sides
     }
 
     /// The number of samples that were not finite, and count as black.
@@ -82,6 +88,12 @@ impl Rendering {
     #[must_use]
     pub fn sums(&self, rows: Range<u32>) -> Vec<LaneSums> {
         self.film.rows(rows).sums()
+    }
+
+    /// The sums of the features of some rows, `[pixel]`; `None` if they were not asked for.
+    #[must_use]
+    pub fn feature_sums(&self, rows: Range<u32>) -> Option<Vec<FeatureSums>> {
+        self.film.rows(rows).feature_sums()
     }
 }
 
@@ -149,7 +161,7 @@ impl Strips for RenderingStrips<'_> {
 
 #[cfg(test)]
 mod tests {
-    use nst_core::Keep;
+    use nst_core::{FurtherPowers, Keep, Power};
 
     use super::*;
     use crate::{RenderSettings, SamplerKind, Scene, render};
@@ -158,7 +170,14 @@ mod tests {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
         let scene = Scene::load(&path.join("../../scenes/cornell/cornell.obj"));
         let scene = Scene { size: [37, 50], ..scene.expect("the scene") };
-        let settings = RenderSettings { spp, sampler: SamplerKind::Random, seed: 3, keep };
+        let settings = RenderSettings {
+            spp,
+            sampler: SamplerKind::Random,
+            seed: 3,
+            keep,
+            powers: FurtherPowers::NONE,
+            features: true,
+        };
         render(&scene, &settings, &|_| {}).expect("the scene renders")
     }
 
@@ -182,8 +201,13 @@ mod tests {
             assert!(means.eq(whole.last().iter().copied()), "{keep}");
             let mut again = SequenceBatch::from_last(whole.last(), spp).expect("means");
             again.set_sums(&sums, spp).expect("as many lanes");
-            assert!(again.sides().eq(whole.sides()), "{keep}");
+            let of_sums = |(side, _): &(&Side, _)| !side.is_feature();
+            assert!(again.sides().eq(whole.sides().filter(of_sums)), "{keep}");
             assert!(whole.sides().map(|(side, _)| side).eq(&rendering.sides()));
+            let of_pixels = rendering.feature_sums(0..50).expect("features were asked for");
+            let y = of_pixels.iter().map(|pixel| (pixel.normal[1] / f64::from(spp)) as f32);
+            let normals = whole.side(&Side::Normal).expect("normals");
+            assert!(y.eq(normals[37 * 50..2 * 37 * 50].iter().copied()), "{keep}");
 
             for (rows, halo) in [(16, 0), (16, 3), (32, 20), (1000, 5)] {
                 let mut strips = rendering.strips().with_rows(rows);
@@ -209,6 +233,47 @@ mod tests {
                     assert!(strip.sides().eq(sides.iter().map(|(s, values)| (*s, &values[..]))));
                 }
                 assert_eq!(next, 50);
+            }
+        }
+    }
+
+    /// Of one sample in each fold the power means are the sample; of several, a larger power has a
+    /// larger mean. The estimates are the same bits.
+    #[test]
+    fn means_of_further_powers() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+        let scene = Scene::load(&path.join("../../scenes/cornell/cornell.obj"));
+        let scene = Scene { size: [37, 18], ..scene.expect("the scene") };
+        let [quarter, four] = [0.25, 4.0].map(|p| Power::of_value(p).expect("a power of two"));
+        for spp in [3, 4, 9] {
+            let (sampler, keep) = (SamplerKind::Random, Keep::Window(2));
+            let usual = RenderSettings {
+                spp,
+                sampler,
+                seed: 3,
+                keep,
+                powers: FurtherPowers::NONE,
+                features: false,
+            };
+            let settings = RenderSettings { powers: FurtherPowers::of(&[four, quarter]), ..usual };
+            let of =
+                |settings| render(&scene, settings, &|_| {}).expect("the scene renders").batch();
+            let (batch, usual) = (of(&settings), of(&usual));
+            assert_eq!(batch.terms(), usual.terms());
+            assert_eq!(batch.sides().count(), usual.sides().count() + if spp < 4 { 0 } else { 8 });
+            for fold in (0..4).filter(|_| spp >= 4) {
+                let side = |side: Side| batch.side(&side).expect("a mean of a fold").to_vec();
+                let [low, mean, high] =
+                    [Side::PowerMean(quarter, fold), Side::Fold(fold), Side::PowerMean(four, fold)]
+                        .map(side);
+                // Means are rounded to f32.
+                let at_most = |a: f32, b: f32| a <= b * (1.0 + 2.0 * f32::EPSILON);
+                let lanes = low.iter().zip(&mean).zip(&high);
+                let rising = |((&a, &b), &c): ((&f32, &f32), &f32)| at_most(a, b) && at_most(b, c);
+                assert!(lanes.clone().all(rising), "{spp} spp, fold {fold}");
+                let equal = |((&a, &b), &c): ((&f32, &f32), &f32)| at_most(c, b) && at_most(b, a);
+                // Nine samples are three in the first fold, and two in the others.
+                assert_eq!(lanes.clone().all(equal), spp == 4, "{spp} spp, fold {fold}");
             }
         }
     }

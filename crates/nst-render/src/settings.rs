@@ -1,6 +1,6 @@
 //! What a rendering is asked for, and what it starts from.
 
-use nst_core::{Keep, LaneSums, SequenceBatch};
+use nst_core::{FeatureSums, FurtherPowers, Keep, LaneSums, SequenceBatch};
 
 use crate::SamplerKind;
 
@@ -18,6 +18,11 @@ pub struct RenderSettings {
     pub seed: u64,
     /// The terms to keep.
     pub keep: Keep,
+    /// Powers of the samples whose sums are kept, too.
+    pub powers: FurtherPowers,
+    /// Whether to keep [what the camera sees](nst_core::Side::FEATURES) beside radiance. The
+    /// bits of all else are the same without.
+    pub features: bool,
 }
 
 /// What a rendering is continued from.
@@ -27,4 +32,6 @@ pub struct Start {
     pub batch: SequenceBatch,
     /// The sums of all samples, `[lane]`.
     pub sums: Vec<LaneSums>,
+    /// The sums of the features, `[pixel]`, if the settings ask for them.
+    pub features: Option<Vec<FeatureSums>>,
 }

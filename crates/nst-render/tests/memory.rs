@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use nst_core::{FOLDS, Keep};
+use nst_core::{FOLDS, FurtherPowers, Keep};
 use nst_files::{
     ColorModel,
     output::OutputFile,
@@ -24,7 +24,14 @@ fn peak() -> u64 {
 
 /// Renders, and writes the sequence to a file.
 fn render_and_store(scene: &Scene, spp: u32, keep: Keep) {
-    let settings = RenderSettings { spp, sampler: SamplerKind::Random, seed: 1, keep };
+    let settings = RenderSettings {
+        spp,
+        sampler: SamplerKind::Random,
+        seed: 1,
+        keep,
+        powers: FurtherPowers::NONE,
+        features: false,
+    };
     let rendering = render(scene, &settings, &|_| {}).expect("the scene renders");
     let folder = tempfile::tempdir().expect("a temporary folder");
     let mut output = OutputFile::create(&folder.path().join("x.exr")).expect("a file");

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use exr::prelude::*;
-use nst_core::{Keep, Side};
+use nst_core::{FurtherPowers, Keep, Side};
 use nst_render::{RenderSettings, SamplerKind, Scene, render};
 
 /// A camera that looks down at a white floor, which reflects the mean radiance of the sky by
@@ -22,8 +22,14 @@ const DOWN: &str = "position = [0, 3, 0]\ntarget = [0, 0, 0]\nup = [0, 0, -1]\nv
 
 /// The mean of all pixels, and the mean standard deviation of a pixel.
 fn statistics(scene: &Scene, spp: u32) -> [f64; 2] {
-    let settings =
-        RenderSettings { spp, sampler: SamplerKind::Random, seed: 1, keep: Keep::Window(1) };
+    let settings = RenderSettings {
+        spp,
+        sampler: SamplerKind::Random,
+        seed: 1,
+        keep: Keep::Window(1),
+        features: false,
+        powers: FurtherPowers::NONE,
+    };
     let batch = render(scene, &settings, &|_| {}).expect("the scene renders").batch();
     let variance = batch.side(&Side::Variance).expect("a variance");
     let n = variance.len() as f64;

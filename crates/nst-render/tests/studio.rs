@@ -3,7 +3,7 @@
 
 use std::fmt::Write;
 
-use nst_core::Keep;
+use nst_core::{FurtherPowers, Keep};
 use nst_render::{
     Lighting, LoadOptions, PixelFilter, RenderSettings, SamplerKind, Scene, View, render,
 };
@@ -102,8 +102,14 @@ fn load(body: &Body, albedo: f32, lighting: Option<Lighting>) -> Scene {
 
 /// The levels of a PNG file, 0 to 255, of the green channel.
 fn levels(scene: &Scene, spp: u32) -> Vec<f64> {
-    let settings =
-        RenderSettings { spp, sampler: SamplerKind::Halton, seed: 1, keep: Keep::Window(1) };
+    let settings = RenderSettings {
+        spp,
+        sampler: SamplerKind::Halton,
+        seed: 1,
+        keep: Keep::Window(1),
+        features: false,
+        powers: FurtherPowers::NONE,
+    };
     let rendering = render(scene, &settings, &|_| {}).expect("the scene renders");
     let pixels = (SIZE[0] * SIZE[1]) as usize;
     let linear = rendering.last();
@@ -197,6 +203,8 @@ fn lamps_are_not_in_the_picture() {
                 sampler: SamplerKind::Random,
                 seed: 1,
                 keep: Keep::Window(1),
+                features: false,
+                powers: FurtherPowers::NONE,
             };
             let rendering = render(&scene, &settings, &|_| {}).expect("the scene renders");
             let background = scene.environment.background.expect("a studio").x;

@@ -9,7 +9,7 @@ use clap::{
     ValueEnum,
     builder::{PossibleValue, PossibleValuesParser, TypedValueParser},
 };
-use nst_core::{Network, methods::METHODS};
+use nst_core::{Network, SampleNetwork, methods::METHODS};
 
 use super::values::has_extension;
 
@@ -19,13 +19,15 @@ pub(crate) struct MethodArgs {
     #[arg(long, value_name = "METHOD", default_value = "auto", value_parser = transform())]
     pub(crate) transform: TransformArg,
     /// The experts that `auto` may trust: `lane`, which are three that learn from the picture
-    /// itself. [default: lane]
+    /// itself, and networks that see the samples, by their names (such as `small`) or their
+    /// safetensors files. [default: lane]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = expert, conflicts_with = "weights")]
     pub(crate) experts: Vec<ExpertArg>,
     /// Use the network of this safetensors file.
     #[arg(long, value_name = "FILE", conflicts_with = "transform")]
     pub(crate) weights: Option<PathBuf>,
-    /// What a network runs on, or `filter`, which `auto` leaves on the CPU.
+    /// What a network or the filter runs on. `auto` leaves networks that see the samples, and the
+    /// filter, on the CPU.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) backend: BackendArg,
 }
@@ -51,6 +53,8 @@ pub(crate) enum TransformArg {
     None,
     /// The name of a network of [`Network::builtins`].
     Builtin(&'static str),
+    /// The name of a network of [`SampleNetwork::builtins`].
+    Samples(&'static str),
     /// Another name in [`METHODS`].
     Method(&'static str),
 }
@@ -60,8 +64,10 @@ pub(crate) enum TransformArg {
 pub(crate) enum ExpertArg {
     /// The guard's own, which learn from the lanes of the batch.
     Lane,
-    /// A built-in network.
+    /// A built-in network that reads terms.
     Builtin(&'static str),
+    /// A built-in network that sees samples.
+    Samples(&'static str),
     /// The network of a file.
     Weights(PathBuf),
 }
@@ -80,7 +86,7 @@ impl fmt::Display for ExpertArg {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Lane => f.write_str(LANE),
-            Self::Builtin(name) => f.write_str(name),
+            Self::Builtin(name) | Self::Samples(name) => f.write_str(name),
             Self::Weights(path) => path.display().fmt(f),
         }
     }
@@ -102,9 +108,15 @@ pub(super) fn expert(text: &str) -> Result<ExpertArg, String> {
     match TransformArg::named(text) {
         _ if text == LANE => Ok(ExpertArg::Lane),
         Some(TransformArg::Builtin(name)) => Ok(ExpertArg::Builtin(name)),
+        Some(TransformArg::Samples(name)) => Ok(ExpertArg::Samples(name)),
         _ if has_extension(path, "safetensors") => Ok(ExpertArg::Weights(path.to_owned())),
         _ => {
-            Err(format!("there is no expert '{text}'; there is {LANE}, which are the guard's own"))
+            let networks: Vec<_> = SampleNetwork::builtins().collect();
+            Err(format!(
+                "there is no expert '{text}'; there is {LANE}, which are the guard's own, and there \
+                 are {}, or FILE.safetensors",
+                networks.join(", ")
+            ))
         }
     }
 }
@@ -115,7 +127,7 @@ impl TransformArg {
         match self {
             Self::Auto => AUTO,
             Self::None => "none",
-            Self::Builtin(name) | Self::Method(name) => name,
+            Self::Builtin(name) | Self::Samples(name) | Self::Method(name) => name,
         }
     }
 
@@ -139,17 +151,27 @@ pub(super) fn transform() -> impl TypedValueParser<Value = TransformArg> {
     })
 }
 
+/// Takes the name of a built-in network of either kind.
+pub(super) fn builtin_name() -> PossibleValuesParser {
+    let names = Network::builtins().map(|it| it.name());
+    PossibleValuesParser::new(names.chain(SampleNetwork::builtins()))
+}
+
 /// The methods that have names, and what each is in a few words.
 fn known() -> impl Iterator<Item = (&'static str, &'static str, TransformArg)> {
     let builtin = Network::builtins().map(|it| it.name());
     let builtin = builtin.map(|name| (name, "a built-in network", TransformArg::Builtin(name)));
+    let of_samples = SampleNetwork::builtins();
+    let of_samples = of_samples.map(|name| {
+        (name, "a built-in network that sees the samples", TransformArg::Samples(name))
+    });
     let methods = METHODS.iter().map(|&(name, about)| {
         let arg = if name == AUTO { TransformArg::Auto } else { TransformArg::Method(name) };
         (name, about, arg)
     });
     let (auto, methods): (Vec<_>, Vec<_>) = methods.partition(|it| it.2 == TransformArg::Auto);
     let none = ("none", "the plain estimates", TransformArg::None);
-    auto.into_iter().chain([none]).chain(builtin).chain(methods)
+    auto.into_iter().chain([none]).chain(builtin).chain(of_samples).chain(methods)
 }
 
 #[cfg(test)]
@@ -171,6 +193,7 @@ mod tests {
             args.map(|args| args.method.transform).map_err(|error| error.to_string())
         };
         assert_eq!(parsed("cornell"), Ok(TransformArg::Builtin("cornell")));
+        assert_eq!(parsed("small"), Ok(TransformArg::Samples("small")));
         assert_eq!(parsed("levin-u"), Ok(TransformArg::Method("levin-u")));
         assert_eq!(parsed("auto"), Ok(TransformArg::Auto));
         assert!(parsed("Cornell").is_err_and(|error| error.contains("families")));

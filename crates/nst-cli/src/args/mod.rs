@@ -20,6 +20,7 @@ use clap::{Parser, Subcommand};
 pub(crate) use bench::{Bench, BenchArgs, BenchSceneArgs, BenchStabilityArgs};
 pub(crate) use chart::ChartArgs;
 pub(crate) use common::CommonArgs;
+use method::builtin_name;
 pub(crate) use method::{BackendArg, ExpertArg, MethodArgs, TransformArg};
 pub(crate) use pack::{PackArgs, PackAs};
 pub(crate) use picture::NamedPicture;
@@ -111,12 +112,15 @@ pub(crate) struct MergeArgs {
 #[derive(Debug, clap::Args)]
 pub(crate) struct InfoArgs {
     /// The file.
-    #[arg(value_name = "FILE", required_unless_present = "system")]
+    #[arg(value_name = "FILE", required_unless_present_any = ["system", "network"])]
     pub(crate) file: Option<PathBuf>,
     /// Show the program's version and build, the processor and the adapters instead: for
     /// reports of errors.
     #[arg(long, conflicts_with = "file")]
     pub(crate) system: bool,
+    /// Show a built-in network instead.
+    #[arg(long, value_name = "NAME", hide_possible_values = true, value_parser = builtin_name(), conflicts_with_all = ["file", "system"])]
+    pub(crate) network: Option<String>,
     #[command(flatten)]
     pub(crate) common: CommonArgs,
 }

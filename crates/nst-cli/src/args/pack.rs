@@ -28,6 +28,18 @@ pub(crate) struct PackArgs {
     /// picture, Blender's `Combined`, or the only layer]
     #[arg(long, value_name = "LAYER", alias = "channels")]
     pub(crate) layer: Option<String>,
+    /// Layer with the surfaces' reflectance (R, G, B), which denoisers read. [default: as
+    /// Blender's denoising pass, pbrt's gbuffer film, or `albedo`]
+    #[arg(long, value_name = "LAYER")]
+    pub(crate) albedo: Option<String>,
+    /// Layer with the surfaces' normals (X, Y, Z). [default: as Blender's denoising pass, pbrt's
+    /// gbuffer film, or `sh_normal`, `normal`, `nn`]
+    #[arg(long, value_name = "LAYER")]
+    pub(crate) normal: Option<String>,
+    /// Layer with the light that the camera sees directly (R, G, B). [default: Blender's passes
+    /// of emission and environment]
+    #[arg(long, value_name = "LAYER")]
+    pub(crate) emission: Option<String>,
     /// With --as samples: samples per pixel of each file. [default: what the files say]
     #[arg(long, value_name = "K", value_parser = count, allow_negative_numbers = true)]
     pub(crate) spp: Option<u32>,

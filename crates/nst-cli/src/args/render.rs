@@ -1,6 +1,6 @@
 //! `nst render`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, ValueEnum};
 use nst_files::output::Name;
@@ -39,6 +39,10 @@ pub(crate) struct RenderArgs {
     /// sequence.
     #[arg(long, value_name = "EXR", conflicts_with = "runs")]
     pub(crate) resume: Option<PathBuf>,
+    /// Also store what the camera sees beside radiance, which denoisers read: albedo, normal,
+    /// depth, and emission that is seen directly; in the EXR picture, and in the sequence.
+    #[arg(long, conflicts_with = "runs")]
+    pub(crate) features: bool,
     /// Which terms of the sequence to store. [default: window; with --runs, all]
     #[arg(long, value_enum, requires = "stored")]
     pub(crate) keep: Option<KeepArg>,
@@ -109,6 +113,10 @@ impl RenderArgs {
         };
         match &self.output {
             None => Ok(PathBuf::from(format!("{scene}.{}", extensions[0]))),
+            Some(path) if self.features_are_lost(path) => Err(Error::Usage(format!(
+                "--features: '{}' has no layers for them; give an .exr as --output, or --sequence",
+                path.display()
+            ))),
             Some(path) if extensions.iter().any(|it| has_extension(path, it)) => Ok(path.clone()),
             Some(path) => Err(Error::Usage(format!(
                 "--output '{}': the name must end in .{}",
@@ -116,6 +124,12 @@ impl RenderArgs {
                 extensions.join(" or .")
             ))),
         }
+    }
+
+    /// Whether nothing that is written can have features, though they are asked for.
+    fn features_are_lost(&self, output: &Path) -> bool {
+        let stored = self.sequence.is_some() || self.resume.is_some();
+        self.features && !stored && has_extension(output, "png")
     }
 
     /// Whether the user or the program chose that name.

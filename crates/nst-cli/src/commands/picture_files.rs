@@ -58,8 +58,8 @@ impl PictureFiles {
         Ok(Self { exr: Some(exr), png })
     }
 
-    /// Begins to write. The EXR has the layers `S`, `Variance` if there is that side channel, and
-    /// `StdError` if errors are estimated.
+    /// Begins to write. The EXR has the layers `S`, `Variance` if there is that side channel,
+    /// `StdError` if errors are estimated, and features that are among the side channels.
     pub(super) fn begin(
         &mut self,
         size: [u32; 2],
@@ -71,10 +71,11 @@ impl PictureFiles {
         let mut layers = vec!["", "S"];
         layers.extend(sides.contains(&Side::Variance).then_some("Variance"));
         layers.extend(errors.then_some("StdError"));
+        let features: Vec<Side> = sides.iter().filter(|side| is_shown(side)).cloned().collect();
         let exr = self.exr.as_mut();
-        let exr = exr.map(|exr| PictureWriter::create(exr, size, model, &layers, info));
+        let exr = exr.map(|exr| PictureWriter::create(exr, size, model, &layers, &features, info));
         let png = PngWriter::create(&mut self.png, size)?;
-        Ok(PictureRows { exr: exr.transpose()?, png, channels: model.channels().len() })
+        Ok(PictureRows { exr: exr.transpose()?, png, channels: model.channels().len(), features })
     }
 
     /// Puts the files in their places; returns their paths.
@@ -91,6 +92,12 @@ pub(super) struct PictureRows<'a> {
     exr: Option<PictureWriter<'a>>,
     png: PngWriter<'a>,
     channels: usize,
+    features: Vec<Side>,
+}
+
+/// Whether a picture has a layer of this feature: of folds, none.
+pub(super) fn is_shown(side: &Side) -> bool {
+    side.is_feature() && !side.is_of_fold()
 }
 
 impl PictureRows<'_> {
@@ -104,7 +111,10 @@ impl PictureRows<'_> {
         let inner = |lanes| strip.grid().map_or(Cow::Borrowed(lanes), |grid| grid.inner(lanes));
         let plain = layers(strip, values).into_iter().skip(1).map(|(_, lanes)| inner(lanes));
         let plain: Vec<Cow<'_, [f32]>> = plain.collect();
+        let features = self.features.iter().map(|side| inner(strip.side(side).unwrap_or_default()));
+        let features: Vec<Cow<'_, [f32]>> = features.collect();
         let layers = [values].into_iter().chain(plain.iter().map(AsRef::as_ref)).chain(errors);
+        let layers = layers.chain(features.iter().map(AsRef::as_ref));
         let layers: Vec<&[f32]> = layers.collect();
         let (exr, png) = rayon::join(
             || self.exr.as_mut().map_or(Ok(()), |exr| exr.push(&layers)),

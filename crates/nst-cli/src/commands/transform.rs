@@ -28,6 +28,8 @@ pub(super) fn run(args: &TransformArgs) -> Result<Summary, Error> {
         args.sequence.display()
     );
     method.check_terms(info.sample_counts.len(), &advice)?;
+    let mut notes: Vec<String> = method.check_statistics(&info.sides)?.into_iter().collect();
+    notes.extend(method.note(args.method.backend));
     if method.transform.requires().support == Support::Picture {
         reader = reader.with_strip_rows(info.size[1]);
     }
@@ -41,7 +43,7 @@ pub(super) fn run(args: &TransformArgs) -> Result<Summary, Error> {
     let mut files = PictureFiles::open(&mut outputs, path, name)?;
     let lanes = write(args, &mut watch, &method, &mut reader, &info, &mut files)?;
     let files = timed(&mut watch.io, || files.commit())?;
-    Ok(watch.summary(None, &method, lanes, files, (Vec::new(), 0)))
+    Ok(watch.summary(None, &method, lanes, files, (notes, 0)))
 }
 
 /// Transforms the sequence into a picture with the layers `S` and `Variance`, and into a PNG.

@@ -26,8 +26,8 @@ use kernel::Kernel;
 pub(crate) use planes::{Guide, Means, Planes, RADIUS};
 
 use crate::{
-    Error, Estimates, FOLDS, Fitted, Instructions, Requirements, SequenceBatch, Side, Status,
-    Strips, Support, Transform, fold_count,
+    Error, Estimates, FOLDS, Fitted, FurtherPowers, Instructions, Requirements, SequenceBatch,
+    Side, Status, Strips, Support, Transform, fold_count,
 };
 
 /// The filter as a method of its own.
@@ -58,7 +58,8 @@ impl WelchFilter {
 impl Transform for WelchFilter {
     fn requires(&self) -> Requirements {
         let support = Support::Radius(RADIUS + planes::BLUR);
-        Requirements { window: 1, sides: Side::EVERY_OF_FOLDS, support, fits: false }
+        let powers = FurtherPowers::NONE;
+        Requirements { window: 1, sides: Side::EVERY_OF_FOLDS, powers, support, fits: false }
     }
 
     fn fit(&self, _: &mut dyn Strips) -> Result<Box<dyn Fitted + '_>, Error> {

@@ -26,8 +26,8 @@ impl<const N: usize> Hats<N> {
     pub(super) fn place(&self, x: f32) -> Place {
         let per_step = (N - 1) as f32 / (self.high - self.low);
         let at = (x.max(self.low).min(self.high) - self.low) * per_step;
-        let first = (at as usize).min(N - 2);
-        Place { first: first as u8, share: at - first as f32 }
+        let first = (at as u8).min(N as u8 - 2);
+        Place { first, share: at - f32::from(first) }
     }
 }
 

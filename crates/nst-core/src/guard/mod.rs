@@ -18,6 +18,7 @@
 //! Lanes are alike if their brightness is. Pixels are split as on a chessboard: what is learnt
 //! from one half is applied to the other, so that the same sums say what T gains there.
 
+mod alone;
 mod hats;
 mod judge;
 mod logarithm;
@@ -32,24 +33,23 @@ mod weights;
 
 use rayon::prelude::*;
 
+pub use alone::Alone;
 pub use judge::Judgement;
 use judge::{ErrorRatios, judge};
 use refit::{Adapting, Refit};
 use regression::Regressions;
-use sample::{FoldMeans, FurtherMeans, GROUPS, Sample, fold_means, further_means, part_of};
+use sample::{CHUNK, FoldMeans, FurtherMeans, GROUPS, Sample, fold_means, further_means, part_of};
+use seen::STATISTICS;
 pub use seen::{Expert, Features, OfTransform, Seen};
 use simplex::MOST;
 use table::Table;
 use view::{Lanes, View};
-use weights::{Changes, Weights, of_lane, strata};
+use weights::{Changes, Weights, strata};
 
 use crate::{
-    Error, Estimates, FOLDS, Fit, Fitted, Power, Requirements, SequenceBatch, Side, Status, Strips,
-    Support, Transform,
+    Error, Estimates, FOLDS, Fit, Fitted, FurtherPowers, Power, Requirements, SequenceBatch,
+    Status, Strips, Transform,
 };
-
-/// Lanes per task of the thread pool when estimates are made.
-const CHUNK: usize = 4096;
 
 /// What the guard calls the experts that learn from the batch itself.
 const CORRECTIONS: [&str; 3] = ["relative regression", "regression", "table"];
@@ -92,28 +92,33 @@ struct Corrections {
 }
 
 impl Corrections {
-    /// What they change, in the order of [`CORRECTIONS`], `[expert][lane]`; `half` says in which
-    /// half a lane is, and the other half teaches.
-    fn changes(&self, lanes: &Lanes, half: impl Fn(usize) -> usize) -> Vec<Vec<f32>> {
-        let mut changes = vec![vec![0.0; lanes.mean.len()]; CORRECTIONS.len()];
+    /// What they change, in the order of [`CORRECTIONS`], `[expert][lane]`, by the half that each
+    /// lane is in: the other half teaches.
+    fn changes(&self, lanes: &Lanes, halves: &[u8]) -> Vec<Vec<f32>> {
+        let mut changes = vec![vec![0.0; halves.len()]; CORRECTIONS.len()];
         let [of_relative, of_absolute, of_table] = &mut changes[..] else { unreachable!() };
-        let experts = of_relative.iter_mut().zip(of_absolute).zip(of_table);
-        for (lane, ((relative, absolute), table)) in experts.enumerate() {
-            let half = half(lane);
-            [*relative, *absolute] = self.regressions.changes(lanes, lane, half);
-            *table = self.table.change(lanes, lane, half);
+        let experts = of_relative.iter_mut().zip(of_absolute).zip(of_table).zip(halves);
+        for (lane, (((relative, absolute), table), &half)) in experts.enumerate() {
+            let bounds = lanes.bounds(lane);
+            let of_regressions = self.regressions.changes(lanes, lane, half.into());
+            [*relative, *absolute] = of_regressions.map(|change| bounds.of(change));
+            *table = bounds.of(self.table.change(lanes, lane, half.into()));
         }
         changes
     }
 }
 
 impl Guard {
+    /// The most experts beside those that learn from the batch. One that
+    /// [adapts](Expert::adapts) counts twice: as itself, and fitted again.
+    pub const MOST_EXPERTS: usize = MOST - CORRECTIONS.len();
+
     /// A guard over these experts and those that learn from the batch.
     ///
     /// # Errors
     /// [`Error::Batch`] if there are too many.
     pub fn new(experts: Vec<Box<dyn Expert>>) -> Result<Self, Error> {
-        const MOST_EXPERTS: usize = MOST - CORRECTIONS.len();
+        const MOST_EXPERTS: usize = Guard::MOST_EXPERTS;
         let adapting = experts.iter().filter(|expert| expert.adapts().is_some()).count();
         if experts.len() + adapting > MOST_EXPERTS {
             let message = format!(
@@ -131,7 +136,7 @@ impl Guard {
     /// Those of `strips`.
     pub fn measure<'a>(&'a self, strips: &mut dyn Strips) -> Result<FittedGuard<'a>, Error> {
         strips.rewind(0)?;
-        let mut sample = Sample::new(&self.powers());
+        let mut sample = Sample::new(self.powers());
         while let Some(strip) = strips.next_strip()?
             && sample.add(&strip)
         {}
@@ -176,8 +181,9 @@ impl Guard {
         };
         let refit = |adapting| Refit::fit(adapting, &sample, held_out, &missing);
         let refits: Vec<Refit<'_>> = adapting.iter().map(refit).collect();
-        let half = |lane: usize| usize::from(sample.pixels[lane / sample.channels].half);
-        let of_corrections = lanes.par_iter().map(|lanes| corrections.changes(lanes, half));
+        let halves = sample.halves();
+        let half = |lane: usize| usize::from(halves[lane]);
+        let of_corrections = lanes.par_iter().map(|lanes| corrections.changes(lanes, &halves));
         let mut changes: Vec<Vec<Vec<f32>>> = of_corrections.collect();
         changes.iter_mut().zip(of_experts).for_each(|(all, of_experts)| all.extend(of_experts));
         for (refit, adapting) in refits.iter().zip(&adapting) {
@@ -196,12 +202,9 @@ impl Guard {
     }
 
     /// The powers that experts need beside those that all batches have.
-    fn powers(&self) -> Vec<Power> {
-        let powers = self.experts.iter().flat_map(|expert| expert.powers()).copied();
-        let mut powers: Vec<_> = powers.filter(|power| !power.is_usual()).collect();
-        powers.sort_unstable();
-        powers.dedup();
-        powers
+    fn powers(&self) -> FurtherPowers {
+        let experts = self.experts.iter().map(|expert| FurtherPowers::of(expert.powers()));
+        experts.fold(FurtherPowers::NONE, FurtherPowers::with)
     }
 
     /// Asks all experts about views.
@@ -217,6 +220,9 @@ impl Guard {
                     let all = asked.changes.iter_mut().zip(changes);
                     all.for_each(|(all, changes)| all.push(changes));
                     asked.adapting.extend(adapting);
+                }
+                Err(Error::Batch(why)) => {
+                    asked.notes.push(format!("'{}' is left out: {why}", expert.name()));
                 }
                 Err(error) => {
                     asked.notes.push(format!("'{}' is left out: {error}", expert.name()));
@@ -277,20 +283,19 @@ impl FittedGuard<'_> {
     ) -> Result<(), Error> {
         let Learnt { corrections, weights, errors: ratios, unit, counts, .. } = learnt;
         let mut view = View::new(&chunk.means, &chunk.further, counts, GROUPS, Some(*unit));
+        let finite = view.finite();
         view.mean.copy_from_slice(chunk.last);
         let of_experts = self.experts.iter().map(|expert| change(*expert, &view));
-        let half = |lane: usize| chunk.strip.half(chunk.first + lane);
+        let halves = chunk.strip.halves(chunk.first..chunk.first + values.len());
+        let half = |lane: usize| usize::from(halves[lane]);
         let of_refits = self.refits.iter().map(|refit| refit.changes_of(&view, half));
         let of_experts = of_experts.chain(of_refits).collect::<Result<Vec<_>, _>>()?;
-        let finite = chunk.finite();
         let lanes = view.lanes();
-        let mut changes = corrections.changes(&lanes, half);
+        let mut changes = corrections.changes(&lanes, &halves);
         changes.extend(of_experts);
-        for (lane, value) in values.iter_mut().enumerate() {
-            let strata = strata(&lanes, lane, changes[0][lane]);
-            let (d, w) = (of_lane(&changes, lane), weights.at(strata, half(lane)));
-            let plain = f64::from(chunk.last[lane]);
-            *value = d.iter().zip(w).fold(plain, |sum, (d, w)| sum + d * w) as f32;
+        let strata = strata(&lanes, &changes[0]);
+        for (lane, (value, strata)) in values.iter_mut().zip(strata).enumerate() {
+            *value = weights.blend(strata, half(lane), chunk.last[lane], &changes, lane);
             errors[lane] = lanes.variance[lane].sqrt() * ratios.at(strata) as f32;
             if !(finite[lane] && value.is_finite()) {
                 (*value, status[lane], errors[lane]) =
@@ -327,20 +332,9 @@ struct Chunk<'a> {
     further: FurtherMeans<'a>,
 }
 
-impl Chunk<'_> {
-    /// Whether all numbers of a lane are, `[lane]`.
-    fn finite(&self) -> Vec<bool> {
-        let mut finite: Vec<bool> = self.last.iter().map(|x| x.is_finite()).collect();
-        for means in self.means.iter().flatten() {
-            finite.iter_mut().zip(*means).for_each(|(finite, x)| *finite &= x.is_finite());
-        }
-        finite
-    }
-}
-
 impl Transform for Guard {
     fn requires(&self) -> Requirements {
-        Requirements { window: 1, sides: Side::EVERY_OF_FOLDS, support: Support::Lane, fits: true }
+        Requirements { powers: self.powers(), ..STATISTICS }
     }
 
     fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
@@ -348,7 +342,7 @@ impl Transform for Guard {
     }
 
     fn start(&self) -> Option<Box<dyn Fit<'_> + '_>> {
-        Some(Box::new(Learning { guard: self, sample: Sample::new(&self.powers()) }))
+        Some(Box::new(Learning { guard: self, sample: Sample::new(self.powers()) }))
     }
 }
 

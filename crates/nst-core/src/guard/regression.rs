@@ -16,7 +16,7 @@
 use std::ops::Range;
 
 use super::{sample::Sample, view::Lanes};
-use crate::cholesky::solve;
+use crate::cholesky::solve_in_place;
 
 const INPUTS: usize = 5;
 const FEATURES: usize = INPUTS * (INPUTS + 1) / 2;
@@ -26,23 +26,32 @@ const PENALTY: f64 = 1e-4;
 
 type Features = [f64; FEATURES];
 
+/// The features of a lane, and what is to be learnt from them.
+const COLUMNS: usize = FEATURES + 1;
+
 /// The powers of 1/(s + .1 u) by which the regressions weigh errors.
 const POWERS: [i32; 2] = [2, 1];
 
 /// c of each regression, by the half that it was learnt from.
 #[derive(Clone, Debug)]
 pub(super) struct Regressions {
-    /// `[regression][half]`
-    coefficients: [[Features; 2]; POWERS.len()],
+    /// `[half][feature][regression]`
+    coefficients: [[[f64; POWERS.len()]; FEATURES]; 2],
 }
 
 /// The normal equations of one regression and one half.
 #[derive(Clone)]
 struct Equations {
-    /// Σ W f fᵀ, the lower half.
-    matrix: [Features; FEATURES],
-    /// Σ W f (h − S)
-    right: Features,
+    /// Σ W f fᵀ, and in the last column Σ W f (h − S).
+    rows: [[f64; COLUMNS]; FEATURES],
+}
+
+/// What a lane adds to the equations.
+struct Row {
+    /// f, h − S
+    columns: [f64; COLUMNS],
+    /// The weight W in each regression.
+    weights: [f64; POWERS.len()],
 }
 
 /// `[regression][half]`
@@ -58,46 +67,61 @@ impl Regressions {
             let pairs = total.iter_mut().flatten().zip(part.iter().flatten());
             pairs.for_each(|(sum, part)| sum.add(part));
         }
-        Self { coefficients: total.map(|halves| halves.map(Equations::solve)) }
+        let solved = total.map(|halves| halves.map(Equations::solve));
+        let of_half =
+            |half: usize| std::array::from_fn(|f| solved.each_ref().map(|halves| halves[half][f]));
+        Self { coefficients: [0, 1].map(of_half) }
     }
 
     /// The changes of a lane whose pixel is in this half, learnt from the other half.
     #[inline(always)]
-    pub(super) fn changes(&self, lanes: &Lanes, lane: usize, half: usize) -> [f32; POWERS.len()] {
-        let features = features(lanes, lane);
-        let mut changes = [0.0; POWERS.len()];
-        for (change, halves) in changes.iter_mut().zip(&self.coefficients) {
-            let mut sum = 0.0;
-            for (f, c) in features.iter().zip(&halves[1 - half]) {
-                sum += f * c;
+    pub(super) fn changes(&self, lanes: &Lanes, lane: usize, half: usize) -> [f64; POWERS.len()] {
+        let x = inputs(lanes, lane);
+        let coefficients = &self.coefficients[1 - half];
+        let mut sums = [0.0; POWERS.len()];
+        let mut first = 0;
+        for i in 0..INPUTS {
+            // c_i0 + c_i1 x_1 + … + c_ii x_i
+            let mut factors = coefficients[first];
+            for j in 1..=i {
+                let more = factors.iter_mut().zip(&coefficients[first + j]);
+                more.for_each(|(factor, c)| *factor += c * x[j]);
             }
-            *change = lanes.bounded(lane, sum);
+            sums.iter_mut().zip(factors).for_each(|(sum, factor)| *sum += factor * x[i]);
+            first += i + 1;
         }
-        changes
+        sums.map(|sum| sum * lanes.scale(lane))
     }
 }
 
-/// s x_i x_j of a lane.
+/// x of a lane.
 #[inline(always)]
-fn features(lanes: &Lanes, lane: usize) -> Features {
+fn inputs(lanes: &Lanes, lane: usize) -> [f64; INPUTS] {
     let size = f64::from(lanes.mean[lane]).abs();
-    let scale = lanes.scale(lane);
-    let x = [
+    [
         1.0,
         f64::from(lanes.log_scale[lane]) / 2.0,
-        f64::from(lanes.root_spread[lane]).sqrt(),
+        lanes.root_spread[lane].sqrt().into(),
         f64::from(lanes.log_spread[lane]) / 3.0,
         size / (size + lanes.unit),
-    ];
-    let mut features = [0.0; FEATURES];
+    ]
+}
+
+/// What a lane of a view adds to the equations: s x_i x_j are its features.
+#[inline(always)]
+fn row(view: &Lanes, lane: usize, missing: f32) -> Row {
+    let (x, scale) = (inputs(view, lane), view.scale(lane));
+    let mut columns = [0.0; COLUMNS];
     let mut next = 0;
     for i in 0..INPUTS {
         for j in 0..=i {
-            features[next] = scale * x[i] * x[j];
+            columns[next] = scale * x[i] * x[j];
             next += 1;
         }
     }
-    features
+    columns[next] = missing.into();
+    let weight = (scale + 0.1 * view.unit).recip();
+    Row { columns, weights: POWERS.map(|power| weight.powi(power)) }
 }
 
 /// The equations of a task's pixels.
@@ -108,16 +132,15 @@ fn equations(
     pixels: Range<usize>,
 ) -> AllEquations {
     let mut equations = AllEquations::default();
+    let mut rows = Vec::new();
     for pixel in pixels {
-        let half = usize::from(sample.pixels[pixel].half);
+        rows.clear();
         for (view, missing) in views.iter().zip(missing) {
-            for lane in sample.lanes_of(pixel) {
-                let f = features(view, lane);
-                for (equations, power) in equations.iter_mut().zip(POWERS) {
-                    let weight = (view.scale(lane) + 0.1 * view.unit).powi(-power);
-                    equations[half].take(&f, weight, f64::from(missing[lane]));
-                }
-            }
+            rows.extend(sample.lanes_of(pixel).map(|lane| row(view, lane, missing[lane])));
+        }
+        let half = usize::from(sample.pixels[pixel].half);
+        for (regression, halves) in equations.iter_mut().enumerate() {
+            halves[half].take(&rows, regression);
         }
     }
     equations
@@ -125,44 +148,45 @@ fn equations(
 
 impl Default for Equations {
     fn default() -> Self {
-        Self { matrix: [[0.0; FEATURES]; FEATURES], right: [0.0; FEATURES] }
+        Self { rows: [[0.0; COLUMNS]; FEATURES] }
     }
 }
 
 impl Equations {
-    /// Adds a lane.
-    fn take(&mut self, f: &Features, weight: f64, missing: f64) {
-        for i in 0..FEATURES {
-            let weighted = weight * f[i];
-            self.right[i] += weighted * missing;
-            for j in 0..=i {
-                self.matrix[i][j] += weighted * f[j];
+    /// Adds the lanes of a pixel. Rows of sums stay in registers meanwhile: that is faster than to
+    /// compute half of the symmetric matrix, lane by lane.
+    fn take(&mut self, lanes: &[Row], regression: usize) {
+        for (i, sums) in self.rows.iter_mut().enumerate() {
+            let mut row = *sums;
+            for lane in lanes {
+                let weighted = lane.weights[regression] * lane.columns[i];
+                row.iter_mut().zip(&lane.columns).for_each(|(sum, x)| *sum += weighted * x);
             }
+            *sums = row;
         }
     }
 
     fn add(&mut self, other: &Self) {
-        for i in 0..FEATURES {
-            self.right[i] += other.right[i];
-            (0..=i).for_each(|j| self.matrix[i][j] += other.matrix[i][j]);
-        }
+        let pairs = self.rows.iter_mut().flatten().zip(other.rows.iter().flatten());
+        pairs.for_each(|(sum, more)| *sum += more);
     }
 
     /// Ridge regression; zeros where that breaks down.
     fn solve(mut self) -> Features {
         let scale: Features = std::array::from_fn(|i| {
-            let diagonal = self.matrix[i][i];
+            let diagonal = self.rows[i][i];
             if diagonal > 0.0 { diagonal.sqrt().recip() } else { 0.0 }
         });
+        let mut right = [0.0; FEATURES];
         for i in 0..FEATURES {
-            self.right[i] *= scale[i];
+            right[i] = self.rows[i][FEATURES] * scale[i];
             for j in 0..=i {
-                self.matrix[i][j] *= scale[i] * scale[j];
+                self.rows[i][j] *= scale[i] * scale[j];
             }
-            self.matrix[i][i] += PENALTY;
+            self.rows[i][i] += PENALTY;
         }
-        let x = solve(self.matrix, self.right, FEATURES);
-        let solution: Features = std::array::from_fn(|i| x[i] * scale[i]);
+        solve_in_place(&mut self.rows, &mut right);
+        let solution: Features = std::array::from_fn(|i| right[i] * scale[i]);
         if solution.iter().all(|c| c.is_finite()) { solution } else { [0.0; FEATURES] }
     }
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::{FOLDS, Power, SequenceBatch, Side, fold_count, random::mix};
+use crate::{FOLDS, FurtherPowers, Power, SequenceBatch, Side, fold_count, random::mix};
 
 /// The most pixels that weights are fitted to; of batches that have more, at least half as
 /// many are. Their sums are far from noise then.
@@ -12,6 +12,9 @@ const MOST_PIXELS: usize = 20_000;
 
 /// Pixels whose sums are one task of the thread pool, added in one order.
 const PIXELS_PER_TASK: usize = 1024;
+
+/// Lanes per task of the thread pool when estimates are made.
+pub(super) const CHUNK: usize = 4096;
 
 /// How many groups of folds are held out in turn: each fold is one.
 pub(super) const GROUPS: usize = FOLDS;
@@ -76,8 +79,8 @@ impl Default for Sample {
 
 impl Sample {
     /// Of no strips yet. Of these further powers, it will have those that the strips have.
-    pub(super) fn new(powers: &[Power]) -> Self {
-        let further = powers.iter().map(|&power| (power, Default::default())).collect();
+    pub(super) fn new(powers: FurtherPowers) -> Self {
+        let further = powers.iter().map(|power| (power, Default::default())).collect();
         Self { further, ..Self::default() }
     }
 
@@ -113,6 +116,12 @@ impl Sample {
         pixel * self.channels..(pixel + 1) * self.channels
     }
 
+    /// Which half of the chessboard each lane is in.
+    pub(super) fn halves(&self) -> Vec<u8> {
+        let of_pixel = |pixel: &Pixel| std::iter::repeat_n(pixel.half, self.channels);
+        self.pixels.iter().flat_map(of_pixel).collect()
+    }
+
     /// What `task` makes of ranges of pixels, in their order: the ranges do not depend on the
     /// number of threads.
     pub(super) fn in_tasks<T: Send>(&self, task: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
@@ -145,23 +154,24 @@ impl Sample {
         let powers: Vec<_> = self.further.iter().map(|(power, _)| *power).collect();
         let further = further_means(strip, &powers);
         self.further.retain(|(power, _)| further.iter().any(|(known, _)| known == power));
+        let channels = self.channels;
+        let lanes_of = |pixel: usize| (0..channels).map(move |channel| channel * pixels + pixel);
+        let finite = |pixel: usize| {
+            let of_fold = |values: &&[f32]| lanes_of(pixel).all(|lane| values[lane].is_finite());
+            means.iter().flatten().all(of_fold)
+        };
+        let wanted = (0..pixels).filter(|&pixel| zeros(pixel) >= least && finite(pixel));
+        let wanted: Vec<usize> = wanted.collect();
+        let pixel = |&pixel: &usize| Pixel { half: strip.half(pixel) as u8, zeros: zeros(pixel) };
+        self.pixels.extend(wanted.iter().map(pixel));
+        let lanes: Vec<usize> = wanted.into_iter().flat_map(lanes_of).collect();
+        let of_means = self.means.iter_mut().flatten().zip(means.iter().flatten());
+        let of_powers = self.further.iter_mut().zip(&further);
+        let of_powers = of_powers.flat_map(|((_, kept), (_, values))| kept.iter_mut().zip(values));
         let variances = strip.side(&Side::Variance);
-        for pixel in (0..pixels).filter(|&pixel| zeros(pixel) >= least) {
-            let lanes = (0..self.channels).map(|channel| channel * pixels + pixel);
-            let finite = |values: &&[f32]| lanes.clone().all(|lane| values[lane].is_finite());
-            if means.iter().flatten().all(finite) {
-                self.pixels.push(Pixel { half: strip.half(pixel) as u8, zeros: zeros(pixel) });
-                let kept = self.means.iter_mut().flatten().zip(means.iter().flatten());
-                kept.for_each(|(kept, values)| kept.extend(lanes.clone().map(|lane| values[lane])));
-                for ((_, kept), (_, values)) in self.further.iter_mut().zip(&further) {
-                    let kept = kept.iter_mut().zip(values);
-                    kept.for_each(|(kept, values)| {
-                        kept.extend(lanes.clone().map(|lane| values[lane]));
-                    });
-                }
-                let of_pixel = variances.map(|values| lanes.clone().map(|lane| values[lane]));
-                self.variances.extend(of_pixel.into_iter().flatten());
-            }
+        let of_variance = [&mut self.variances].into_iter().zip(&variances);
+        for (kept, values) in of_means.chain(of_powers).chain(of_variance) {
+            kept.extend(lanes.iter().map(|&lane| values[lane]));
         }
     }
 

@@ -1,6 +1,17 @@
 //! What an expert sees of the lanes: statistics of their samples, without those held out.
 
-use crate::{Error, Estimates, Power, SequenceBatch, Side, Support, Transform};
+use crate::{
+    Error, Estimates, FurtherPowers, Power, Requirements, SequenceBatch, Side, Support, Transform,
+};
+
+/// What experts need of a batch.
+pub(super) const STATISTICS: Requirements = Requirements {
+    window: 1,
+    sides: Side::EVERY_OF_FOLDS,
+    powers: FurtherPowers::NONE,
+    support: Support::Lane,
+    fits: true,
+};
 
 /// Means over some of the samples of each lane. Where a group of folds is held out, nothing
 /// of its samples is in any of these numbers.
@@ -88,7 +99,7 @@ impl<T: Transform> OfTransform<T> {
         let name = name.into();
         let why = if needs.window > 1 {
             "it reads a window of terms, and no term but the last is known without a fold"
-        } else if needs.sides.iter().any(|side| *side != Side::Variance) {
+        } else if needs.all_sides().iter().any(|side| *side != Side::Variance) {
             "it reads side channels that contain the samples held out"
         } else if needs.support != Support::Lane {
             "it reads other lanes"

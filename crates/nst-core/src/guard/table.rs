@@ -61,13 +61,13 @@ impl Table {
 
     /// The change of a lane whose pixel is in this half, learnt from the other half.
     #[inline(always)]
-    pub(super) fn change(&self, lanes: &Lanes, lane: usize, half: usize) -> f32 {
+    pub(super) fn change(&self, lanes: &Lanes, lane: usize, half: usize) -> f64 {
         let changes = &self.changes[1 - half];
         let mut sum = 0.0;
         for (cell, share) in cells(lanes, lane) {
             sum += share * changes[cell];
         }
-        lanes.bounded(lane, sum * lanes.scale(lane))
+        sum * lanes.scale(lane)
     }
 }
 

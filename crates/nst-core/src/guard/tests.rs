@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{
-    Grid, LANES_PER_BLOCK, LaneSums, PowerSums, fold_count, random::SplitMix64,
+    Grid, LANES_PER_BLOCK, LaneSums, PowerSums, Side, fold_count, random::SplitMix64,
     sequence::tests::Cut,
 };
 
@@ -206,6 +206,46 @@ fn a_network_without_its_means_is_left_out() {
     let note = "'gaussian-samples' is left out: ";
     let said = judgement.notes[0].starts_with(note) && judgement.notes[0].contains("power 8");
     assert!(said, "{:?}", judgement.notes);
+}
+
+/// What a network makes of all samples, without the guard: the same however the batch is cut;
+/// where there is nothing to see, the plain estimates.
+#[test]
+fn an_expert_alone() {
+    let lanes = Lanes::new(gaussian, 6000, 16, 1);
+    let alone = Alone::new(of_samples("gaussian-samples"));
+    let estimates = |batch: &SequenceBatch| {
+        let mut out = Estimates::default();
+        alone.transform(batch, &mut out).map(|()| out)
+    };
+    let out = estimates(&lanes.batch).expect("a batch with its means");
+    // 5 % above what is measured.
+    let ratio = lanes.mse(out.values()) / lanes.mse(lanes.batch.last());
+    assert!(ratio < 0.0575 && out.count(Status::Ok) == 6000, "{ratio}");
+    let cut = |step: usize| {
+        let mut strips = Cut { batch: &lanes.batch, step, next: 0 };
+        let fitted = alone.fit(&mut strips).expect("strips");
+        strips.rewind(0).expect("strips");
+        let (mut out, mut values) = (Estimates::default(), Vec::new());
+        while let Some(strip) = strips.next_strip().expect("strips") {
+            fitted.apply(&strip, &mut out).expect("a strip");
+            values.extend_from_slice(out.values());
+        }
+        values
+    };
+    assert_eq!(cut(LANES_PER_BLOCK), out.values());
+    let plain = |out: &Estimates, batch: &SequenceBatch| out.values() == batch.last();
+    let without = SequenceBatch::from_last(lanes.batch.last(), 16).expect("means");
+    let out = estimates(&without).expect("no folds are no error");
+    assert!(plain(&out, &without) && out.count(Status::NoFolds) == 6000);
+    let black = SequenceBatch::from_samples(50, &[0.0; 400]).expect("black samples");
+    let out = estimates(&black).expect("black is no error");
+    assert!(plain(&out, &black) && out.count(Status::Constant) == 50);
+    let few = SequenceBatch::from_samples(50, &[1.0; 150]).expect("three samples");
+    assert!(plain(&estimates(&few).expect("three samples are no error"), &few));
+    let usual = SequenceBatch::from_samples(50, &[0.5; 400]).expect("samples");
+    let error = estimates(&usual).expect_err("it has no means of further powers").to_string();
+    assert!(error.contains("to the power 0.125"), "{error}");
 }
 
 /// Where there is something to be learnt it is learnt, from the batch alone; nowhere is T

@@ -89,44 +89,47 @@ impl View {
         Seen { samples: *samples, unit: *unit, mean, root, square, further }
     }
 
-    /// The numbers of all lanes. `plain` estimates, where they are given, are S to the bit.
+    /// The numbers of all lanes. No loop has many arrays, so that the compiler vectorises it.
     pub(super) fn lanes(self) -> Lanes {
-        let count = self.mean.len();
-        let zeros = || vec![0.0; count];
-        let mut lanes = Lanes {
-            unit: self.unit,
-            variance: zeros(),
-            root_spread: zeros(),
-            log_scale: zeros(),
-            log_spread: zeros(),
-            log_uncertainty: zeros(),
-            mean: Vec::new(),
-        };
-        let (dark, unit, samples) = (DARK * self.unit, self.unit, self.samples);
-        let freedom = (samples - 1.0).max(1.0);
-        let (root, square) = (&self.root[..count], &self.square[..count]);
-        let (variances, root_spread) =
-            (&mut lanes.variance[..count], &mut lanes.root_spread[..count]);
-        let (log_scale, log_spread) =
-            (&mut lanes.log_scale[..count], &mut lanes.log_spread[..count]);
-        let log_uncertainty = &mut lanes.log_uncertainty[..count];
-        for lane in 0..count {
-            let (mean, root) = (f64::from(self.mean[lane]), f64::from(root[lane]));
+        let Self { samples, unit, mean, root, square, .. } = self;
+        let [floor, certain, unit_size] = [FLOOR, CERTAIN, unit].map(|x| x as f32);
+        let variance = variances(&mean, &square, samples);
+        // In the dark, everything is rounding.
+        let dark = (DARK * unit) as f32;
+        let light = |size: f32| if size > dark { 1.0 } else { 0.0 };
+        let root_spread = |(mean, &root): (&f32, &f32)| {
             let size = mean.abs();
-            let variance = (f64::from(square[lane]) - mean * mean).max(0.0) / freedom;
-            // In the dark, everything is rounding.
-            let light = if size > dark { 1.0 } else { 0.0 };
-            let spread = light * (variance / (size * size).max(f64::MIN_POSITIVE));
-            variances[lane] = variance as f32;
-            root_spread[lane] =
-                (light * (1.0 - root * root / size.max(f64::MIN_POSITIVE))).clamp(0.0, 1.0) as f32;
-            log_scale[lane] = ln((size / unit + FLOOR) as f32);
-            log_spread[lane] = ln((spread * samples + FLOOR) as f32);
-            log_uncertainty[lane] = ln((spread.sqrt() + CERTAIN) as f32);
-        }
-        lanes.mean = self.mean;
-        lanes
+            (light(size) * (1.0 - root * root / size.max(f32::MIN_POSITIVE))).clamp(0.0, 1.0)
+        };
+        let root_spread = mean.iter().zip(&root).map(root_spread).collect();
+        let relative = |(mean, &variance): (&f32, &f32)| {
+            let size = f64::from(mean.abs());
+            let relative = f64::from(variance) / (size * size).max(f64::MIN_POSITIVE);
+            light(mean.abs()) * relative as f32
+        };
+        let relative: Vec<f32> = mean.iter().zip(&variance).map(relative).collect();
+        let log = |x: f32| ln(x + floor);
+        let log_scale = mean.iter().map(|x| log(x.abs() / unit_size)).collect();
+        let log_spread = relative.iter().map(|x| log(x * samples as f32)).collect();
+        let log_uncertainty = relative.iter().map(|x| ln(x.sqrt() + certain)).collect();
+        Lanes { unit, mean, variance, root_spread, log_scale, log_spread, log_uncertainty }
     }
+
+    /// Whether all numbers are finite that a lane's corrections depend on, `[lane]`.
+    pub(super) fn finite(&self) -> Vec<bool> {
+        let numbers = self.mean.iter().zip(&self.root).zip(&self.square);
+        numbers.map(|((a, b), c)| a.is_finite() & b.is_finite() & c.is_finite()).collect()
+    }
+}
+
+/// The estimated variances of means of samples, `[lane]`.
+fn variances(mean: &[f32], square: &[f32], samples: f64) -> Vec<f32> {
+    let share = (samples - 1.0).max(1.0).recip();
+    let variance = |(&mean, &square): (&f32, &f32)| {
+        let (mean, square) = (f64::from(mean), f64::from(square));
+        ((square - mean * mean).max(0.0) * share) as f32
+    };
+    mean.iter().zip(square).map(variance).collect()
 }
 
 /// The weighted mean over folds, `[lane]`.
@@ -169,21 +172,41 @@ impl Lanes {
         UNCERTAINTY.place(self.log_uncertainty[lane])
     }
 
-    /// Where the brightness of an estimate lies; one below 0 lies where 0 is.
-    pub(super) fn brightness_of(&self, estimate: f64) -> Place {
-        BRIGHTNESS.place(ln((estimate.max(0.0) / self.unit + FLOOR) as f32))
+    /// Where the brightness of estimates lies that differ from S by `changes`, `[lane]`; one below
+    /// 0 lies where 0 is.
+    pub(super) fn brightness_with(&self, changes: &[f32]) -> impl Iterator<Item = Place> + use<> {
+        let (unit, floor) = (self.unit as f32, FLOOR as f32);
+        let estimates = self.mean.iter().zip(changes).map(|(mean, change)| mean + change);
+        let logs: Vec<f32> = estimates.map(|x| ln(x.max(0.0) / unit + floor)).collect();
+        logs.into_iter().map(|log| BRIGHTNESS.place(log))
     }
 
-    /// A correction, within what may be noise of S. Towards 0 it ends there. Away from 0 it is
-    /// the smaller the more S depends on few samples: those are bright by chance more often
+    /// Within what a correction of a lane may be noise of S. Towards 0 it ends there. Away from 0
+    /// it is the smaller the more S depends on few samples: those are bright by chance more often
     /// than others are dark.
-    pub(super) fn bounded(&self, lane: usize, change: f64) -> f32 {
+    #[inline(always)]
+    pub(super) fn bounds(&self, lane: usize) -> Bounds {
         let mean = f64::from(self.mean[lane]);
-        let most = MOST_ERRORS * f64::from(self.variance[lane]).sqrt();
+        let most = MOST_ERRORS * f64::from(self.variance[lane].sqrt());
         let away = most * (1.0 - f64::from(self.root_spread[lane]));
         let towards = most.min(mean.abs());
         let (down, up) = if mean < 0.0 { (away, towards) } else { (towards, away) };
+        Bounds { down, up }
+    }
+}
+
+/// How far a correction may go.
+#[derive(Clone, Copy)]
+pub(super) struct Bounds {
+    down: f64,
+    up: f64,
+}
+
+impl Bounds {
+    /// The correction within these bounds.
+    #[inline(always)]
+    pub(super) fn of(self, change: f64) -> f32 {
         // A NaN is no change; and bounds may be one, in lanes that keep S.
-        if change.is_nan() { 0.0 } else { change.max(-down).min(up) as f32 }
+        if change.is_nan() { 0.0 } else { change.max(-self.down).min(self.up) as f32 }
     }
 }

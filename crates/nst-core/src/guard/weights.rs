@@ -43,8 +43,6 @@ pub(super) struct Changes<'a> {
 #[derive(Clone, Debug)]
 pub(super) struct Weights {
     strata: [[[f64; MOST]; STRATA]; 2],
-    /// How many experts there are.
-    count: usize,
 }
 
 /// Sums of a stratum.
@@ -64,9 +62,7 @@ impl<'a> Changes<'a> {
         missing: &'a [Vec<f32>],
         changes: &'a [Vec<Vec<f32>>],
     ) -> Self {
-        let of_view = |(view, changes): (&Lanes, &Vec<Vec<f32>>)| {
-            changes[0].iter().enumerate().map(|(lane, &d)| strata(view, lane, d)).collect()
-        };
+        let of_view = |(view, changes): (&Lanes, &Vec<Vec<f32>>)| strata(view, &changes[0]);
         let strata = views.par_iter().zip(changes).map(of_view).collect();
         Self { sample, views, missing, changes, strata }
     }
@@ -94,16 +90,11 @@ impl<'a> Changes<'a> {
     /// What each expert changes.
     #[inline(always)]
     pub(super) fn of_lane(&self, group: usize, lane: usize) -> [f64; MOST] {
-        of_lane(&self.changes[group], lane)
+        let mut of_lane = [0.0; MOST];
+        let changes = of_lane.iter_mut().zip(&self.changes[group]);
+        changes.for_each(|(d, lanes)| *d = f64::from(lanes[lane]));
+        of_lane
     }
-}
-
-/// What each expert changes in a lane, of `[expert][lane]`.
-#[inline(always)]
-pub(super) fn of_lane(changes: &[Vec<f32>], lane: usize) -> [f64; MOST] {
-    let mut of_lane = [0.0; MOST];
-    of_lane.iter_mut().zip(changes).for_each(|(d, lanes)| *d = f64::from(lanes[lane]));
-    of_lane
 }
 
 impl Weights {
@@ -116,7 +107,7 @@ impl Weights {
         }
         let shrinkage = changes.shrinkage();
         let strata = total.map(|half| weights(&smoothed(&half), &shrinkage));
-        Self { strata, count: changes.count() }
+        Self { strata }
     }
 
     /// The weights of a lane whose pixel is in this half, learnt from the other.
@@ -125,11 +116,34 @@ impl Weights {
         let of_half = &self.strata[1 - half];
         let mut weights = [0.0; MOST];
         for (cell, share) in cells(strata) {
-            for (weight, w) in weights.iter_mut().zip(&of_half[cell][..self.count]) {
+            for (weight, w) in weights.iter_mut().zip(&of_half[cell]) {
                 *weight += share * w;
             }
         }
         weights
+    }
+
+    /// S with the weighted changes of a lane, of `[expert][lane]`.
+    #[inline(always)]
+    pub(super) fn blend(
+        &self,
+        strata: Strata,
+        half: usize,
+        plain: f32,
+        changes: &[Vec<f32>],
+        lane: usize,
+    ) -> f32 {
+        let of_half = &self.strata[1 - half];
+        let cells = cells(strata).map(|(cell, share)| (&of_half[cell], share));
+        let mut estimate = f64::from(plain);
+        for (expert, of_expert) in changes.iter().enumerate().take(MOST) {
+            let mut weight = 0.0;
+            for (weights, share) in cells {
+                weight += share * weights[expert];
+            }
+            estimate += weight * f64::from(of_expert[lane]);
+        }
+        estimate as f32
     }
 }
 
@@ -142,12 +156,11 @@ pub(super) fn cells([brightness, uncertainty]: Strata) -> [(usize, f64); 4] {
     grid_cells(brightness, uncertainty, COLUMNS)
 }
 
-/// The strata of a lane: the brightness is that of the first expert's estimate, which has less
+/// The strata of lanes: the brightness is that of the first expert's estimate, which has less
 /// noise than S.
-#[inline(always)]
-pub(super) fn strata(lanes: &Lanes, lane: usize, first_change: f32) -> Strata {
-    let first = f64::from(lanes.mean[lane]) + f64::from(first_change);
-    [lanes.brightness_of(first), lanes.uncertainty(lane)]
+pub(super) fn strata(lanes: &Lanes, first_changes: &[f32]) -> Vec<Strata> {
+    let brightness = lanes.brightness_with(first_changes).enumerate();
+    brightness.map(|(lane, brightness)| [brightness, lanes.uncertainty(lane)]).collect()
 }
 
 /// The sums of a task's pixels, `[half][stratum]`.

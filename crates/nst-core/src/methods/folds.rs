@@ -2,14 +2,21 @@
 
 use rayon::prelude::*;
 
-use crate::{Error, Estimates, FOLDS, Requirements, SequenceBatch, Side, Status, Support};
+use crate::{
+    Error, Estimates, FOLDS, FurtherPowers, Requirements, SequenceBatch, Side, Status, Support,
+};
 
 /// Lanes per task of the thread pool: some 30 µs of work.
 pub(super) const CHUNK: usize = 4096;
 
 /// The requirements of a method that maps S_n and the fold means of each lane.
-pub(super) const OF_FOLDS: Requirements =
-    Requirements { window: 1, sides: Side::ALL_FOLDS, support: Support::Lane, fits: false };
+pub(super) const OF_FOLDS: Requirements = Requirements {
+    window: 1,
+    sides: Side::ALL_FOLDS,
+    powers: FurtherPowers::NONE,
+    support: Support::Lane,
+    fits: false,
+};
 
 /// The fold means, each `[lane]`, if all are there.
 pub(super) fn folds(batch: &SequenceBatch) -> Option<[&[f32]; FOLDS]> {

@@ -1,6 +1,6 @@
 //! The networks inside the crate.
 
-use super::{model::Network, samples::SampleNetwork};
+use super::{file::Weights, model::Network, samples::SampleNetwork};
 use crate::Error;
 
 /// The names of networks, and their files in `weights/`.
@@ -32,8 +32,15 @@ const BUILTIN: &[(&str, &[u8])] = &builtin!(
 );
 
 /// Those that see samples.
-const OF_SAMPLES: &[(&str, &[u8])] =
-    &builtin!("families-samples", "gaussian-samples", "step-samples", "gaussian-step-samples",);
+const OF_SAMPLES: &[(&str, &[u8])] = &builtin!(
+    "families-samples",
+    "gaussian-samples",
+    "step-samples",
+    "gaussian-step-samples",
+    "nano",
+    "small",
+    "base",
+);
 
 /// A network inside the crate, whose file has not been read yet.
 #[derive(Clone, Copy, Debug)]
@@ -103,6 +110,15 @@ impl SampleNetwork {
     }
 }
 
+impl Weights {
+    /// A network inside the crate, of either kind, by its name.
+    #[must_use]
+    pub fn builtin(name: &str) -> Option<Result<Self, Error>> {
+        let found = BUILTIN.iter().chain(OF_SAMPLES).find(|(known, _)| *known == name);
+        found.map(|(_, file)| Self::from_bytes(file))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -116,10 +132,14 @@ mod tests {
         assert!(Network::builtin("nothing").is_none());
         for name in SampleNetwork::builtins() {
             let network = SampleNetwork::builtin(name).expect("it is in the list")?;
-            assert_eq!(network.metadata().samples, (4, 64), "{name}");
+            let samples = if name.ends_with("-samples") { (4, 64) } else { (2, 256) };
+            assert_eq!(network.metadata().samples, samples, "{name}");
+            let weights = Weights::builtin(name).expect("it is in the list")?;
+            assert!(matches!(weights, Weights::Samples(it) if it == network), "{name}");
             assert!(Network::builtins().all(|builtin| builtin.name() != name));
         }
-        assert!(SampleNetwork::builtin("step").is_none());
+        assert!(SampleNetwork::builtin("step").is_none() && Weights::builtin("steps").is_none());
+        assert!(matches!(Weights::builtin("step"), Some(Ok(Weights::Window(_)))));
         Ok(())
     }
 

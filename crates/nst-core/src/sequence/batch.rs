@@ -1,6 +1,6 @@
 //! [`SequenceBatch`]: many sequences of progressive estimates, side by side.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, ops::Range};
 
 use ndarray::{Array2, ArrayView2, s};
 use rayon::prelude::*;
@@ -211,8 +211,25 @@ impl SequenceBatch {
         })
     }
 
-    /// Adds or replaces a side channel: one value per lane, or per pixel of the grid, as
-    /// its [extent](Side::extent) says.
+    /// The same for lanes that follow each other.
+    pub(crate) fn halves(&self, lanes: Range<usize>) -> Vec<u8> {
+        let (width, rows, first_row) = self.grid.map_or((self.lanes(), 1, 0), |grid| {
+            (grid.width(), grid.rows(), grid.first_row() as usize)
+        });
+        let mut halves = Vec::with_capacity(lanes.len());
+        let mut lane = lanes.start;
+        while lane < lanes.end {
+            let (row, x) = (lane / width, lane % width);
+            let first = x + row % rows + first_row;
+            let count = (width - x).min(lanes.end - lane);
+            halves.extend((first..first + count).map(|place| (place % 2) as u8));
+            lane += count;
+        }
+        halves
+    }
+
+    /// Adds or replaces a side channel: one value per lane, or one or three per pixel of the
+    /// grid, as its [extent](Side::extent) says.
     ///
     /// # Errors
     /// [`Error::Batch`] if the number of values differs, or if there is no grid of pixels.
@@ -220,6 +237,7 @@ impl SequenceBatch {
         let wanted = match side.extent() {
             Extent::Lane => Some(self.lanes()),
             Extent::Pixel => self.grid.map(|grid| grid.pixels()),
+            Extent::Vector => self.grid.map(|grid| 3 * grid.pixels()),
         };
         if wanted != Some(values.len()) {
             return Err(Error::Batch(format!(
@@ -233,7 +251,7 @@ impl SequenceBatch {
         Ok(())
     }
 
-    /// A side channel, `[lane]` or `[pixel]` as its [extent](Side::extent) says.
+    /// A side channel, `[lane]`, `[pixel]` or `[coordinate][pixel]` as its [extent](Side::extent) says.
     #[must_use]
     pub fn side(&self, side: &Side) -> Option<&[f32]> {
         self.sides.get(side).map(Vec::as_slice)
@@ -284,6 +302,26 @@ mod tests {
     }
 
     #[test]
+    fn halves_are_a_chessboard() -> Result<(), Error> {
+        let mut batch = SequenceBatch::new(Array2::zeros((1, 30)), vec![1])?;
+        let halves: Vec<u8> = (0..30).map(|lane| lane % 2).collect();
+        assert_eq!(batch.halves(0..30), halves);
+        for (width, rows, first_row, expected) in [(5, 2, 1, "1010101010"), (2, 5, 0, "0110011001")]
+        {
+            batch.set_grid(Grid::new(width, rows, 3, first_row)?)?;
+            let expected = expected.repeat(3);
+            for lanes in [0..30, 3..17, 9..10, 20..30, 7..7] {
+                let halves: String =
+                    batch.halves(lanes.clone()).iter().map(u8::to_string).collect();
+                assert_eq!(halves, expected[lanes.clone()], "{lanes:?}");
+                let each: String = lanes.map(|lane| batch.half(lane).to_string()).collect();
+                assert_eq!(each, halves);
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
     fn pixels_have_one_value_whatever_their_lanes() -> Result<(), Error> {
         let mut batch = SequenceBatch::new(Array2::zeros((1, 12)), vec![1])?;
         assert!(batch.set_side(Side::Skipped, vec![0.0; 4]).is_err(), "no grid, no pixels");
@@ -291,6 +329,8 @@ mod tests {
         batch.set_grid(Grid::new(2, 2, 3, 0)?)?;
         assert!(batch.set_side(Side::Skipped, vec![0.0; 12]).is_err());
         batch.set_side(Side::Skipped, vec![0.0, 1.0, 2.0, 3.0])?;
+        assert!(batch.set_side(Side::Normal, vec![0.0; 4]).is_err());
+        batch.set_side(Side::Normal, vec![0.0; 12])?;
         assert_eq!(batch.side(&Side::Skipped).map(<[f32]>::len), Some(4));
         Ok(())
     }

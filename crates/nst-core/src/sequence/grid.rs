@@ -94,13 +94,15 @@ impl Grid {
         above as usize..(self.rows - below) as usize
     }
 
-    /// Of values `[lane]` of the batch, those of the [inner rows](Self::inner_rows).
+    /// Of values `[lane]` of the batch, or of other planes of its pixels, those of the
+    /// [inner rows](Self::inner_rows).
     #[must_use]
     pub fn inner<'a>(&self, lanes: &'a [f32]) -> Cow<'a, [f32]> {
         if self.halo == [0; 2] {
             return Cow::Borrowed(lanes);
         }
-        let planes = (0..self.channels()).map(|c| &lanes[self.lanes_of(c, self.inner_rows())]);
+        let planes =
+            (0..lanes.len() / self.pixels()).map(|c| &lanes[self.lanes_of(c, self.inner_rows())]);
         Cow::Owned(planes.collect::<Vec<_>>().concat())
     }
 
@@ -126,6 +128,7 @@ mod tests {
         assert_eq!(grid.inner(&lanes), lanes);
         let inner = grid.with_halo(1, 2)?.inner(&lanes).into_owned();
         assert_eq!((inner.len(), inner[0], inner[5], inner[14]), (15, 5.0, 25.0, 49.0));
+        assert_eq!(grid.with_halo(1, 2)?.inner(&lanes[20..40])[..], [25.0, 26.0, 27.0, 28.0, 29.0]);
         assert!(grid.with_halo(2, 2).is_err());
         Ok(())
     }

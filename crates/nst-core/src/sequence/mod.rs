@@ -1,6 +1,8 @@
 //! Sequences of progressive estimates, side by side: what every method reads.
 
 mod batch;
+mod features;
+mod further_powers;
 mod grid;
 mod keep;
 mod power;
@@ -10,6 +12,8 @@ mod strips;
 mod sums;
 
 pub use batch::{LANES_PER_BLOCK, SequenceBatch};
+pub use features::FeatureSums;
+pub use further_powers::FurtherPowers;
 pub use grid::Grid;
 pub use keep::Keep;
 pub use power::{Power, root};

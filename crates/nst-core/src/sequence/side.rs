@@ -31,6 +31,17 @@ pub enum Side {
     Variance,
     /// How many samples of a pixel were left out because they were not finite: `Skipped`.
     Skipped,
+    /// A feature: the reflectance of what the camera sees, from 0 to 1: `albedo`.
+    Albedo,
+    /// A feature: the mean of its unit shading normals in world space, towards the camera:
+    /// `normal`.
+    Normal,
+    /// A feature: its mean distance from the camera: `depth`.
+    Depth,
+    /// A feature: the radiance that the camera sees directly, a part of S_N: `emission`.
+    Emission,
+    /// The part of a fold's mean that the camera sees directly: `emission0` … `emission3`.
+    EmissionFold(u8),
     /// A layer that this version does not know, by its name.
     Other(String),
 }
@@ -42,6 +53,9 @@ pub enum Extent {
     Lane,
     /// Each pixel, whatever the number of its lanes; needs a [`Grid`](super::Grid).
     Pixel,
+    /// Each of the three coordinates of a vector for each pixel, `[coordinate][pixel]`; needs a
+    /// [`Grid`](super::Grid).
+    Vector,
 }
 
 /// How the side channels of independent sequences become that of their mean.
@@ -82,6 +96,30 @@ impl Side {
         _ => unreachable!(),
     };
 
+    /// What a camera sees beside radiance. Renderings have all or none, packed pictures any.
+    /// Those of folds are there from [`FOLDS`] samples on.
+    pub const FEATURES: &'static [Self; 4 + FOLDS] = &[
+        Self::Albedo,
+        Self::Normal,
+        Self::Depth,
+        Self::Emission,
+        Self::EmissionFold(0),
+        Self::EmissionFold(1),
+        Self::EmissionFold(2),
+        Self::EmissionFold(3),
+    ];
+
+    /// Features whose sums the others follow from.
+    pub const STORED_FEATURES: &'static [Self; 3 + FOLDS] = &[
+        Self::Albedo,
+        Self::Normal,
+        Self::Depth,
+        Self::EmissionFold(0),
+        Self::EmissionFold(1),
+        Self::EmissionFold(2),
+        Self::EmissionFold(3),
+    ];
+
     /// The four folds, which methods ask for together.
     pub const ALL_FOLDS: &'static [Self; FOLDS] = Self::OF_FOLDS[0];
 
@@ -92,10 +130,22 @@ impl Side {
         folds.into_iter().flatten().chain((n >= 2).then_some(&Self::Variance))
     }
 
+    /// The [features](Self::FEATURES) of n samples.
+    pub fn of_features(n: u32) -> impl Iterator<Item = &'static Self> {
+        Self::FEATURES.iter().filter(move |side| n as usize >= FOLDS || !side.is_of_fold())
+    }
+
+    /// Whether it is one of the [features](Self::FEATURES).
+    #[must_use]
+    pub fn is_feature(&self) -> bool {
+        Self::FEATURES.contains(self)
+    }
+
     /// Whether it is a mean over a fold.
     #[must_use]
     pub fn is_of_fold(&self) -> bool {
-        matches!(self, Self::Fold(_) | Self::Root(_) | Self::Square(_) | Self::PowerMean(..))
+        let usual = matches!(self, Self::Fold(_) | Self::Root(_) | Self::Square(_));
+        usual || matches!(self, Self::PowerMean(..) | Self::EmissionFold(_))
     }
 
     /// The four folds' power means of a power that [every batch with folds](Power::is_usual)
@@ -108,7 +158,9 @@ impl Side {
     /// All that have a name of their own.
     fn known() -> impl Iterator<Item = Self> {
         let further = Power::all().filter(|power| !power.is_usual());
-        let all = Self::EVERY_OF_FOLDS.iter().chain(&[Self::Variance, Self::Skipped]).cloned();
+        let others = [Self::Variance, Self::Skipped];
+        let all = Self::EVERY_OF_FOLDS.iter().cloned().chain(others);
+        let all = all.chain(Self::FEATURES.iter().cloned());
         all.chain(further.flat_map(Self::power_means))
     }
 
@@ -116,7 +168,8 @@ impl Side {
     #[must_use]
     pub fn extent(&self) -> Extent {
         match self {
-            Self::Skipped => Extent::Pixel,
+            Self::Skipped | Self::Depth => Extent::Pixel,
+            Self::Normal => Extent::Vector,
             _ => Extent::Lane,
         }
     }
@@ -126,6 +179,8 @@ impl Side {
     pub fn merging(&self) -> Merging {
         match self {
             Self::Fold(_) | Self::Root(_) | Self::Square(_) => Merging::Mean,
+            Self::Albedo | Self::Normal | Self::Depth => Merging::Mean,
+            Self::Emission | Self::EmissionFold(_) => Merging::Mean,
             Self::PowerMean(power, _) => Merging::PowerMean(*power),
             Self::Variance => Merging::VarianceOfMean,
             Self::Skipped => Merging::Sum,
@@ -146,6 +201,11 @@ impl fmt::Display for Side {
             Self::PowerMean(power, fold) => write!(f, "power{power}fold{fold}"),
             Self::Variance => f.write_str("Variance"),
             Self::Skipped => f.write_str("Skipped"),
+            Self::Albedo => f.write_str("albedo"),
+            Self::Normal => f.write_str("normal"),
+            Self::Depth => f.write_str("depth"),
+            Self::Emission => f.write_str("emission"),
+            Self::EmissionFold(fold) => write!(f, "emission{fold}"),
             Self::Other(name) => f.write_str(name),
         }
     }
@@ -175,6 +235,8 @@ mod tests {
         let eighth = Power::of_value(0.125).expect("a power of two");
         assert_eq!("root8fold3".parse(), Ok(Side::PowerMean(eighth, 3)));
         assert_eq!("root2fold3".parse(), Ok(Side::Other("root2fold3".into())), "that is root3");
+        assert_eq!("emission3".parse(), Ok(Side::EmissionFold(3)));
+        assert_eq!("Albedo".parse(), Ok(Side::Other("Albedo".into())));
         assert_eq!("fold02".parse(), Ok(Side::Other("fold02".into())));
     }
 }

@@ -72,8 +72,40 @@ impl LaneSums {
             Side::Variance => {
                 out.iter_mut().zip(lanes).for_each(|(out, lane)| *out = lane.variance(n));
             }
-            Side::PowerMean(..) | Side::Skipped | Side::Other(_) => {}
+            _ => {}
         }
+    }
+
+    /// Writes the means of all folds of n samples of each lane at once, `[side][lane]` in the order
+    /// of [`Side::EVERY_OF_FOLDS`]: what [`Self::write_side`] does for each.
+    ///
+    /// # Panics
+    /// If `outs` are not as many as the side channels.
+    pub fn write_folds(lanes: &[Self], n: u32, outs: &mut [&mut [f32]]) {
+        let counts = std::array::from_fn(|fold| fold_count(fold, n));
+        let ([folds, roots, squares], []) = outs.as_chunks_mut() else {
+            panic!("{} side channels of folds", outs.len());
+        };
+        write_means(lanes, |lane| &lane.folds, &counts, folds);
+        write_means(lanes, |lane| &lane.roots, &counts, roots);
+        write_means(lanes, |lane| &lane.squares, &counts, squares);
+    }
+}
+
+/// Writes the means of the four folds of one kind. Divisions of neighbours in memory become vector
+/// instructions.
+#[inline(always)]
+fn write_means(
+    lanes: &[LaneSums],
+    sums: impl Fn(&LaneSums) -> &[f64; FOLDS],
+    counts: &[f64; FOLDS],
+    [a, b, c, d]: &mut [&mut [f32]; FOLDS],
+) {
+    let outs = a.iter_mut().zip(b.iter_mut()).zip(c.iter_mut().zip(d.iter_mut()));
+    for (lane, ((a, b), (c, d))) in lanes.iter().zip(outs) {
+        let sums = sums(lane);
+        let means: [f64; FOLDS] = std::array::from_fn(|fold| sums[fold] / counts[fold]);
+        [*a, *b, *c, *d] = means.map(|mean| mean as f32);
     }
 }
 
@@ -123,6 +155,11 @@ mod tests {
         assert_eq!(of(Side::Variance, 5), [0.5, 0.0]);
         assert_eq!(of(Side::Skipped, 5), [9.0, 9.0]);
         assert_eq!([1, 2, 3, 4].map(|n| Side::of_sums(n).count()), [0, 1, 1, 13]);
+
+        let each = Side::EVERY_OF_FOLDS.each_ref().map(|side| of(side.clone(), 5));
+        let mut at_once = [[9.0; 2]; 3 * FOLDS];
+        LaneSums::write_folds(&lanes, 5, &mut at_once.each_mut().map(|out| &mut out[..]));
+        assert_eq!(at_once, each);
     }
 
     #[test]

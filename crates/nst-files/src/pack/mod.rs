@@ -3,6 +3,7 @@
 //! the other, strip by strip: no more than a strip of the sequence is in memory, however
 //! many files there are.
 
+mod features;
 mod moments;
 mod names;
 
@@ -20,6 +21,7 @@ use crate::{
     limits::{BLOCK_ROWS, strip_rows},
     picture::Picture,
 };
+pub use features::{Feature, FeatureNames, find as find_features};
 use moments::Moments;
 pub use names::samples_in_name;
 
@@ -41,6 +43,7 @@ pub struct Packer {
     pictures: Vec<Picture>,
     pack: Pack,
     sample_counts: Vec<u32>,
+    features: Vec<Feature>,
     /// What was seen of each picture so far.
     seen: Vec<Seen>,
 }
@@ -124,7 +127,24 @@ impl Packer {
             return Err(Error::Mismatch(message));
         }
         let seen = vec![Seen::default(); pictures.len()];
-        Ok(Self { pictures, pack, sample_counts, seen })
+        Ok(Self { pictures, pack, sample_counts, features: Vec::new(), seen })
+    }
+
+    /// The same with features of the pictures, of [`find_features`]: their means over all files,
+    /// or those of the last snapshot.
+    #[must_use]
+    pub fn with_features(mut self, mut features: Vec<Feature>) -> Self {
+        if let Pack::Estimates(_) = self.pack {
+            features.iter_mut().for_each(Feature::keep_last);
+        }
+        self.features = features;
+        self
+    }
+
+    /// What to tell of the features when all strips are read.
+    #[must_use]
+    pub fn feature_notes(&self) -> Vec<String> {
+        self.features.iter().flat_map(Feature::notes).collect()
     }
 
     /// Width and height in pixels.
@@ -151,6 +171,14 @@ impl Packer {
     /// The side channels that strips will have, sorted.
     #[must_use]
     pub fn sides(&self) -> Vec<Side> {
+        let mut sides = self.sides_of_means();
+        sides.extend(self.features.iter().flat_map(Feature::sides));
+        sides.sort();
+        sides
+    }
+
+    /// Those that are made of the pictures themselves.
+    fn sides_of_means(&self) -> Vec<Side> {
         let count = self.pictures.len();
         match self.pack {
             Pack::Estimates(_) => Vec::new(),
@@ -170,6 +198,9 @@ impl Packer {
         let [width, height] = self.size();
         // Each picture's term; a picture as it is read; and what means are taken from.
         let lane = size_of::<f32>() * (self.pictures.len() + 1) + Moments::BYTES_PER_LANE;
+        // A feature is at most three numbers, and their means, as those of four folds are.
+        let feature = (1 + FOLDS) * (size_of::<f64>() + size_of::<u32>()) + size_of::<f32>();
+        let lane = lane + self.features.len() * feature;
         let row = lane * self.model().channels().len() * width as usize;
         let rows = strip_rows(row).min(height.next_multiple_of(BLOCK_ROWS));
         (0..height)
@@ -202,9 +233,14 @@ impl Packer {
             .map_err(|error| Error::Mismatch(error.to_string()))?;
         let mut batch = SequenceBatch::new(terms, self.sample_counts.clone())?;
         batch.set_grid(grid)?;
-        for side in self.sides() {
+        for side in self.sides_of_means() {
             let values = moments.of_fold(&side).unwrap_or_else(|| moments.variance());
             batch.set_side(side, values)?;
+        }
+        for feature in &mut self.features {
+            for (side, values) in feature.read(&rows)? {
+                batch.set_side(side, values)?;
+            }
         }
         Ok(batch)
     }

@@ -2,7 +2,7 @@
 
 use nst_core::{Grid, Keep, Side};
 
-use super::state;
+use super::{feature_state, state};
 use crate::{ColorModel, Error, layers::layer_channels, rows::Channel};
 
 /// The version of the format that this module writes, and the only one it reads.
@@ -75,7 +75,20 @@ impl SequenceInfo {
 
     /// The channels of the state, none if the rendering cannot be continued.
     pub(super) fn state_channels(&self) -> Vec<Channel> {
-        if self.resume.is_some() { state::channels(self.model) } else { Vec::new() }
+        if self.resume.is_none() {
+            return Vec::new();
+        }
+        let mut channels = state::channels(self.model);
+        if self.has_features() {
+            channels.extend(feature_state::channels());
+        }
+        channels
+    }
+
+    /// Whether there are features, which a state then has, too.
+    #[must_use]
+    pub fn has_features(&self) -> bool {
+        self.sides.iter().any(Side::is_feature)
     }
 }
 

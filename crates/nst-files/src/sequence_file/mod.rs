@@ -4,6 +4,7 @@
 //! `Variance` and `Skipped` are the side channels; `state.…` is what a rendering is
 //! continued from.
 
+mod feature_state;
 mod info;
 mod reader;
 mod state;

@@ -8,12 +8,13 @@ use std::{
 
 use exr::prelude::SampleType;
 use ndarray::Array2;
-use nst_core::{FOLDS, Grid, LaneSums, SequenceBatch, Side, Strips};
+use nst_core::{FOLDS, FeatureSums, Grid, LaneSums, SequenceBatch, Side, Strips};
 use rayon::prelude::*;
 
 use super::{
+    feature_state,
     info::{ResumeInfo, SequenceInfo, VERSION, term_name},
-    state::KnownLanes,
+    state::{self, KnownLanes},
 };
 use crate::{
     ColorModel, Error,
@@ -22,8 +23,8 @@ use crate::{
     rows::{Attribute, RowReader, Rows},
 };
 
-/// A strip, and the sums of its lanes if the file contains them.
-type StripWithSums = (SequenceBatch, Option<Vec<LaneSums>>);
+/// A strip, and the sums of its lanes and of its features if the file contains them.
+type StripWithSums = (SequenceBatch, Option<Vec<LaneSums>>, Option<Vec<FeatureSums>>);
 
 /// Reads a sequence strip by strip, so that it need not fit into memory.
 pub struct SequenceReader {
@@ -33,7 +34,8 @@ pub struct SequenceReader {
     terms: Vec<usize>,
     /// Which are those of the side channels, `[side][channel]`.
     sides: Vec<Vec<usize>>,
-    /// Which are those of the state, `[sum][word][channel]`.
+    /// Which are those of the state, `[sum][word][channel]`, and then those of the features'
+    /// state.
     state: Vec<usize>,
     /// Rows of a strip, a multiple of 16.
     step: u32,
@@ -126,8 +128,15 @@ impl SequenceReader {
     pub(super) fn next_with_sums(&mut self) -> Result<Option<StripWithSums>, Error> {
         let Some((rows, grid)) = self.next_rows()? else { return Ok(None) };
         let batch = self.batch(&rows, grid)?;
-        let sums = (!self.state.is_empty()).then(|| self.sums(&rows, &batch));
-        Ok(Some((batch, sums)))
+        if self.state.is_empty() {
+            return Ok(Some((batch, None, None)));
+        }
+        let (lanes, features) =
+            self.state.split_at(2 * state::SUMS * self.info.model.channels().len());
+        let sums = sums(&words(&rows, lanes), &batch);
+        let features =
+            (!features.is_empty()).then(|| feature_state::joined(&batch, &words(&rows, features)));
+        Ok(Some((batch, Some(sums), features)))
     }
 
     /// Reads the rows of the next strip, and those of its halo.
@@ -166,23 +175,27 @@ impl SequenceReader {
         }
         Ok(batch)
     }
+}
 
-    fn sums(&self, rows: &Rows, batch: &SequenceBatch) -> Vec<LaneSums> {
-        let pixels = rows.pixels();
-        // `[sum][word][lane]`
-        let mut words = vec![0_u32; self.state.len() * pixels];
-        words
-            .par_chunks_exact_mut(pixels)
-            .zip(&self.state)
-            .for_each(|(image, &channel)| rows.copy(channel, bytemuck::cast_slice_mut(image)));
-        let lanes = batch.lanes();
-        let known = KnownLanes::new(batch);
-        let joined = (0..lanes).into_par_iter().map(|lane| {
-            let word = |sum: usize, word: usize| words[(2 * sum + word) * lanes + lane];
-            known.lane(lane).join(std::array::from_fn(|sum| [word(sum, 0), word(sum, 1)]))
-        });
-        joined.collect()
-    }
+/// The words of some channels, `[channel][pixel]`.
+fn words(rows: &Rows, channels: &[usize]) -> Vec<u32> {
+    let mut words = vec![0_u32; channels.len() * rows.pixels()];
+    words
+        .par_chunks_exact_mut(rows.pixels())
+        .zip(channels)
+        .for_each(|(image, &channel)| rows.copy(channel, bytemuck::cast_slice_mut(image)));
+    words
+}
+
+/// The sums of the lanes, from words `[sum][word][lane]`.
+fn sums(words: &[u32], batch: &SequenceBatch) -> Vec<LaneSums> {
+    let lanes = batch.lanes();
+    let known = KnownLanes::new(batch);
+    let joined = (0..lanes).into_par_iter().map(|lane| {
+        let word = |sum: usize, word: usize| words[(2 * sum + word) * lanes + lane];
+        known.lane(lane).join(std::array::from_fn(|sum| [word(sum, 0), word(sum, 1)]))
+    });
+    joined.collect()
 }
 
 impl Strips for SequenceReader {
@@ -201,8 +214,14 @@ impl Strips for SequenceReader {
 fn check_resumable(info: &SequenceInfo) -> Result<(), String> {
     let Some(resume) = &info.resume else { return Ok(()) };
     let n = info.samples();
-    let mut needed = Side::EVERY_OF_FOLDS.iter().filter(|_| n as usize >= FOLDS);
-    if let Some(side) = needed.find(|&side| !info.sides.contains(side)) {
+    let folds = Side::EVERY_OF_FOLDS.iter().filter(|_| n as usize >= FOLDS);
+    let features = info.has_features().then(|| Side::of_features(n)).into_iter().flatten();
+    if info.has_features() && info.model != ColorModel::Rgb {
+        return Err("it has features ('albedo' …) and a state, but not the channels R, G and B; \
+                    without attribute 'nst.keep' it is a sequence that cannot be continued"
+            .into());
+    }
+    if let Some(side) = folds.chain(features).find(|&side| !info.sides.contains(side)) {
         return Err(format!(
             "layer '{side}' is missing, without which its state cannot be read; without \
              attribute 'nst.keep' it is a sequence that cannot be continued"
@@ -267,9 +286,9 @@ impl<'a> Channels<'a> {
     }
 
     /// The side channels: layers beside the picture, the terms and the state. A layer that
-    /// this version knows must have the right channels. One that it does not know becomes a
-    /// side channel if it has the channels of the picture, as 32-bit floats, and is ignored
-    /// otherwise.
+    /// this version knows must have the right channels. One that it does not know, or that has
+    /// the name of a feature but not its channels, becomes a side channel if it has the channels
+    /// of the picture, as 32-bit floats, and is ignored otherwise.
     fn sides(
         &self,
         model: ColorModel,
@@ -288,6 +307,12 @@ impl<'a> Channels<'a> {
             match (self.layer(model.side_channels(&side), layer), &side) {
                 (Ok(channels), _) => drop(sides.insert(side, channels)),
                 (Err(_), Side::Other(_)) => {}
+                // Other programs have layers of such names, too.
+                (Err(_), side) if side.is_feature() => {
+                    if let Ok(channels) = self.layer(model.channels(), layer) {
+                        sides.insert(Side::Other(layer.into()), channels);
+                    }
+                }
                 (Err(error), _) => return Err(error),
             }
         }

@@ -76,16 +76,18 @@ fn flat(sums: &LaneSums) -> [f64; SUMS] {
 /// floats, and a word of a state is off by one.
 const LOST_BITS: f64 = 1.0 / (1 << 17) as f64;
 
+/// Whether a number agrees with what the file says of it, but for rounding relative to `scale`.
+pub(super) fn close(a: f64, b: f32, scale: f64) -> bool {
+    let b = f64::from(b);
+    let difference = (a - b).abs();
+    difference <= LOST_BITS * scale.max(b.abs()) + f64::from(f32::MIN_POSITIVE)
+        || a as f32 == b as f32
+        || !(a.is_finite() || b.is_finite())
+}
+
 /// Whether the sums of a lane agree with what the file says of it beside them: the last
 /// term, the fold means and the variance.
 pub(super) fn agree(sums: &LaneSums, last: f32, known: &Known) -> bool {
-    let close = |a: f64, b: f32, scale: f64| {
-        let b = f64::from(b);
-        let difference = (a - b).abs();
-        difference <= LOST_BITS * scale.max(b.abs()) + f64::from(f32::MIN_POSITIVE)
-            || a as f32 == b as f32
-            || !(a.is_finite() || b.is_finite())
-    };
     let n = f64::from(known.n);
     let folds_agree = flat(sums).iter().zip(known.means).enumerate().all(|(i, (sum, mean))| {
         let count = fold_count(i % FOLDS, known.n);
@@ -126,11 +128,11 @@ fn upper(number: f64) -> u32 {
     (number.to_bits() >> 32) as u32
 }
 
-fn split(number: f64, prediction: f64) -> [u32; 2] {
+pub(super) fn split(number: f64, prediction: f64) -> [u32; 2] {
     [upper(number).wrapping_sub(upper(prediction)), number.to_bits() as u32]
 }
 
-fn join([hi, lo]: [u32; 2], prediction: f64) -> f64 {
+pub(super) fn join([hi, lo]: [u32; 2], prediction: f64) -> f64 {
     let upper = hi.wrapping_add(upper(prediction));
     f64::from_bits(u64::from(upper) << 32 | u64::from(lo))
 }

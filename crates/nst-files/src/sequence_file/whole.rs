@@ -3,10 +3,11 @@
 use std::{ops::Range, path::Path};
 
 use ndarray::Array2;
-use nst_core::{Grid, LaneSums, SequenceBatch, Side};
+use nst_core::{FeatureSums, Grid, LaneSums, SequenceBatch, Side};
 use rayon::prelude::*;
 
 use super::{
+    feature_state,
     info::SequenceInfo,
     reader::SequenceReader,
     state::{KnownLanes, agree},
@@ -23,6 +24,8 @@ pub struct SequenceFile {
     pub batch: SequenceBatch,
     /// What the rendering can be continued from, if [`SequenceInfo::resume`] says how.
     pub sums: Option<Vec<LaneSums>>,
+    /// The sums of its features, `[pixel]`, if it can be continued and has features.
+    pub features: Option<Vec<FeatureSums>>,
 }
 
 impl SequenceFile {
@@ -33,7 +36,7 @@ impl SequenceFile {
     /// do not fit together.
     pub fn write(&self, output: &mut OutputFile) -> Result<(), Error> {
         let mut writer = SequenceWriter::create(output, &self.info)?;
-        writer.push(&self.batch, self.sums.as_deref())?;
+        writer.push_with_features(&self.batch, self.sums.as_deref(), self.features.as_deref())?;
         writer.finish()
     }
 
@@ -45,8 +48,8 @@ impl SequenceFile {
         Self::read_with(path, true)
     }
 
-    /// Reads what a rendering is continued from: all but folds and variance, which follow
-    /// from the sums.
+    /// Reads what a rendering is continued from: all but folds, variance and features, which
+    /// follow from the sums.
     ///
     /// # Errors
     /// As [`SequenceFile::read`].
@@ -60,8 +63,9 @@ impl SequenceFile {
         let grid = info.grid()?;
         let mut terms = Vec::new();
         reserve(path, &mut terms, info.sample_counts.len(), grid.lanes())?;
-        // Folds and variance follow from the sums.
-        let wanted = |side: &Side| with_sides || !side.is_of_fold() && *side != Side::Variance;
+        let follows =
+            |side: &Side| side.is_of_fold() || side.is_feature() || *side == Side::Variance;
+        let wanted = |side: &Side| with_sides || !follows(side);
         let mut sides: Vec<(Side, Vec<f32>)> =
             info.sides.iter().filter(|side| wanted(side)).map(|s| (s.clone(), vec![])).collect();
         for (side, values) in &mut sides {
@@ -72,8 +76,12 @@ impl SequenceFile {
         if let Some(sums) = &mut sums {
             reserve(path, sums, 1, grid.lanes())?;
         }
+        let mut features = (sums.is_some() && info.has_features()).then(Vec::new);
+        if let Some(features) = &mut features {
+            reserve(path, features, 1, grid.pixels())?;
+        }
         let mut rows = 0..0;
-        while let Some((strip, strip_sums)) = reader.next_with_sums()? {
+        while let Some((strip, strip_sums, strip_features)) = reader.next_with_sums()? {
             let strip_rows = strip.grid().map_or(0, Grid::rows);
             rows = rows.end..rows.end + strip_rows;
             let place = rows.start * grid.width()..rows.end * grid.width();
@@ -87,6 +95,10 @@ impl SequenceFile {
                 check_sums(path, &strip, strip_sums)?;
                 put(sums, &grid, &place, strip_sums);
             }
+            if let (Some(features), Some(strip_features)) = (&mut features, &strip_features) {
+                check_features(path, &strip, strip_features)?;
+                put(features, &grid, &place, strip_features);
+            }
         }
         let terms = Array2::from_shape_vec((info.sample_counts.len(), grid.lanes()), terms)
             .map_err(|error| Error::malformed(path, error.to_string()))?;
@@ -95,7 +107,7 @@ impl SequenceFile {
         for (side, values) in sides {
             batch.set_side(side, values)?;
         }
-        Ok(Self { info, batch, sums })
+        Ok(Self { info, batch, sums, features })
     }
 }
 
@@ -105,18 +117,32 @@ fn check_sums(path: &Path, strip: &SequenceBatch, sums: &[LaneSums]) -> Result<(
     let contradictory = (0..strip.lanes())
         .into_par_iter()
         .find_first(|&lane| !agree(&sums[lane], strip.last()[lane], &known.lane(lane)));
-    let Some(lane) = contradictory else { return Ok(()) };
+    contradictory.map_or(Ok(()), |lane| Err(contradictory_pixel(path, strip, lane)))
+}
+
+/// The same of the features.
+fn check_features(
+    path: &Path,
+    strip: &SequenceBatch,
+    features: &[FeatureSums],
+) -> Result<(), Error> {
+    let contradictory = feature_state::contradiction(strip, features);
+    contradictory.map_or(Ok(()), |pixel| Err(contradictory_pixel(path, strip, pixel)))
+}
+
+/// Says where sums contradict means, of a lane or a pixel of the strip.
+fn contradictory_pixel(path: &Path, strip: &SequenceBatch, lane: usize) -> Error {
     let (x, y) = strip.grid().map_or((lane, 0), |grid| {
         let pixel = lane % grid.pixels();
         (pixel % grid.width(), pixel / grid.width() + grid.first_row() as usize)
     });
-    Err(Error::malformed(
+    Error::malformed(
         path,
         format!(
             "the pixel at column {x}, row {y}: its sums ('state.…') contradict its means or its \
              variance; the file is damaged"
         ),
-    ))
+    )
 }
 
 /// Makes a vector of zeros, or says how much memory it would take.

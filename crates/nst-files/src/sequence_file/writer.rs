@@ -2,10 +2,11 @@
 
 use std::ops::Range;
 
-use nst_core::{LaneSums, SequenceBatch, Side};
+use nst_core::{FeatureSums, LaneSums, SequenceBatch, Side};
 use rayon::prelude::*;
 
 use super::{
+    feature_state,
     info::{ResumeInfo, SequenceInfo, VERSION},
     state::{self, KnownLanes},
 };
@@ -41,6 +42,20 @@ impl<'a> SequenceWriter<'a> {
     /// [`Error::Mismatch`] if the rows are not what the header promises, [`Error::Io`]
     /// if they cannot be written.
     pub fn push(&mut self, batch: &SequenceBatch, sums: Option<&[LaneSums]>) -> Result<(), Error> {
+        self.push_with_features(batch, sums, None)
+    }
+
+    /// The same with the sums of the features, `[pixel]`, which a sequence that can be continued
+    /// needs if it has features.
+    ///
+    /// # Errors
+    /// As [`Self::push`].
+    pub fn push_with_features(
+        &mut self,
+        batch: &SequenceBatch,
+        sums: Option<&[LaneSums]>,
+        features: Option<&[FeatureSums]>,
+    ) -> Result<(), Error> {
         let channels = self.info.model.channels().len();
         let pixels = batch.lanes() / channels;
         let fits = batch.sample_counts() == self.info.sample_counts
@@ -48,7 +63,9 @@ impl<'a> SequenceWriter<'a> {
             && batch.lanes() == pixels * channels
             && pixels.is_multiple_of(self.info.size[0] as usize)
             && sums.is_some() == self.info.resume.is_some()
-            && sums.is_none_or(|sums| sums.len() == batch.lanes());
+            && sums.is_none_or(|sums| sums.len() == batch.lanes())
+            && features.is_some() == (sums.is_some() && self.info.has_features())
+            && features.is_none_or(|features| features.len() == pixels && batch.grid().is_some());
         if !fits {
             return Err(Error::Mismatch("rows differ from what the sequence's header says".into()));
         }
@@ -59,7 +76,10 @@ impl<'a> SequenceWriter<'a> {
         let step = (BLOCK_ROWS * self.info.size[0]) as usize * 2 * rayon::current_num_threads();
         for first in (0..pixels).step_by(step) {
             let part = first..pixels.min(first + step);
-            let state = sums.map(|sums| self.state(batch, sums, pixels, part.clone()));
+            let mut state = sums.map(|sums| self.state(batch, sums, pixels, part.clone()));
+            if let (Some(state), Some(features)) = (&mut state, features) {
+                state.extend(feature_state::words(batch, features, part.clone()));
+            }
             let mut planes: Vec<&[u8]> = layers
                 .iter()
                 .flat_map(|lanes| lanes.chunks_exact(pixels))

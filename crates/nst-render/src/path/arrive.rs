@@ -12,6 +12,14 @@ use crate::{
     scene::interpolate,
 };
 
+/// What a path needs of the surface that it has hit.
+pub(super) struct Surface {
+    /// Unit shading normal, on the same side of the surface as the geometric one.
+    pub(super) shading: Vec3,
+    /// Reflectance or base colour.
+    pub(super) color: Vec3A,
+}
+
 impl PathTracer<'_> {
     /// What path `i` of the packet adds to its pixel where it has arrived: the radiance of
     /// a light or of the environment, times weight and throughput; or zero. `from_camera`:
@@ -41,25 +49,13 @@ impl PathTracer<'_> {
         Vec3A::from(paths.throughput.get(i)) * radiance * weight
     }
 
-    /// Puts path `from` of the packet, which has hit a surface, into the queue for its kind
-    /// of material.
+    /// The surface that path `from` of the packet has hit.
     #[inline(always)]
-    pub(super) fn arrive(
-        &self,
-        paths: &Paths,
-        hits: &Hits,
-        from: usize,
-        queues: &mut [Queue<Points>; 2],
-    ) {
+    pub(super) fn surface(&self, paths: &Paths, hits: &Hits, from: usize) -> Surface {
         let index = hits.triangle[from];
         let facet = &self.facets[index as usize];
         let barycentric = Vec2::new(hits.u[from], hits.v[from]);
         let direction = paths.rays.direction.get(from);
-        let (points, i) = queues[usize::from(!facet.lambert)].push();
-        // The position is interpolated from the corners, not found along the ray: so its
-        // error does not grow with the distance that the ray has come.
-        points.position.set(i, interpolate(facet.corners, barycentric));
-        points.normal.set(i, facet.normal);
         let shading = if facet.smooth {
             self.smooth_normal(index, barycentric, direction)
         } else {
@@ -70,14 +66,36 @@ impl PathTracer<'_> {
         } else {
             shading
         };
-        points.shading.set(i, shading);
-        points.wo.set(i, -direction);
         let color = if facet.textured {
             self.scene.color(index, barycentric)
         } else {
             self.scene.materials[facet.material as usize].color
         };
-        points.color.set(i, color.into());
+        Surface { shading, color }
+    }
+
+    /// Puts path `from` of the packet, which has hit a surface, into the queue for its kind
+    /// of material.
+    #[inline(always)]
+    pub(super) fn arrive(
+        &self,
+        paths: &Paths,
+        hits: &Hits,
+        from: usize,
+        surface: &Surface,
+        queues: &mut [Queue<Points>; 2],
+    ) {
+        let index = hits.triangle[from];
+        let facet = &self.facets[index as usize];
+        let barycentric = Vec2::new(hits.u[from], hits.v[from]);
+        let (points, i) = queues[usize::from(!facet.lambert)].push();
+        // The position is interpolated from the corners, not found along the ray: so its
+        // error does not grow with the distance that the ray has come.
+        points.position.set(i, interpolate(facet.corners, barycentric));
+        points.normal.set(i, facet.normal);
+        points.shading.set(i, surface.shading);
+        points.wo.set(i, -paths.rays.direction.get(from));
+        points.color.set(i, surface.color.into());
         points.throughput.set(i, paths.throughput.get(from));
         points.streams.copy(i, &paths.streams, from);
         points.path[i] = paths.path[from];

@@ -7,6 +7,7 @@
 
 mod arrive;
 mod cut_outs;
+mod features;
 mod relief;
 mod scatter;
 mod tracer;
@@ -23,7 +24,7 @@ use crate::{
 use scatter::Draws;
 use wave::{Paths, Points, Queue};
 
-pub(crate) use tracer::PathTracer;
+pub(crate) use {features::FeatureSample, tracer::PathTracer};
 
 /// Russian roulette may end a path from this vertex on: shorter paths carry most of the
 /// light.
@@ -35,6 +36,7 @@ impl PathTracer<'_> {
     /// For each path, an unbiased estimate of the radiance that arrives at `origin`
     /// from its direction. The streams are those of one sampler, and nothing has been
     /// drawn from them but the camera's dimensions.
+    #[cfg(test)]
     pub(crate) fn radiances<'w>(
         &self,
         workspace: &'w mut Workspace,
@@ -42,6 +44,19 @@ impl PathTracer<'_> {
         origin: Vec3A,
         directions: impl Iterator<Item = (Vec3A, SampleStream)>,
     ) -> &'w [Vec3A] {
+        self.trace::<false>(workspace, sampler, origin, directions).0
+    }
+
+    /// For each path, an unbiased estimate of the radiance that arrives at `origin`
+    /// from its direction, and its features if they are wanted. The streams are those of one
+    /// sampler, and nothing has been drawn from them but the camera's dimensions.
+    pub(crate) fn trace<'w, const FEATURES: bool>(
+        &self,
+        workspace: &'w mut Workspace,
+        sampler: SamplerKind,
+        origin: Vec3A,
+        directions: impl Iterator<Item = (Vec3A, SampleStream)>,
+    ) -> (&'w [Vec3A], &'w [FeatureSample]) {
         let mut count = 0;
         workspace.paths.clear();
         for (direction, stream) in directions {
@@ -57,8 +72,12 @@ impl PathTracer<'_> {
         }
         workspace.radiance.clear();
         workspace.radiance.resize(count as usize, Vec3A::ZERO);
-        self.instructions.run(Trace { tracer: self, sampler, workspace });
-        &workspace.radiance
+        workspace.features.clear();
+        if FEATURES {
+            workspace.features.resize(count as usize, FeatureSample::default());
+        }
+        self.instructions.run(Trace::<FEATURES> { tracer: self, sampler, workspace });
+        (&workspace.radiance, &workspace.features)
     }
 }
 
@@ -69,24 +88,26 @@ pub(crate) struct Workspace {
     /// Points of Lambert's surfaces, and of all others.
     queues: [Queue<Points>; 2],
     stacks: Stacks,
-    /// Radiance by path, in the order of [`PathTracer::radiances`].
+    /// Radiance by path, in the order of [`PathTracer::trace`].
     radiance: Vec<Vec3A>,
+    /// Features by path; none if they are not wanted.
+    features: Vec<FeatureSample>,
 }
 
 /// Follows paths to their ends.
-struct Trace<'a> {
+struct Trace<'a, const FEATURES: bool> {
     tracer: &'a PathTracer<'a>,
     sampler: SamplerKind,
     workspace: &'a mut Workspace,
 }
 
-impl Kernel for Trace<'_> {
+impl<const FEATURES: bool> Kernel for Trace<'_, FEATURES> {
     type Output = ();
 
     #[inline(always)]
     fn run<V: Vectors>(self, vectors: V) {
         let Self { tracer, sampler, workspace } = self;
-        let Workspace { paths, queues, stacks, radiance } = workspace;
+        let Workspace { paths, queues, stacks, radiance, features } = workspace;
         let mut dimension = CAMERA_DIMENSIONS;
         for vertex in 1..=tracer.scene.max_depth {
             let is_last = vertex == tracer.scene.max_depth;
@@ -100,8 +121,21 @@ impl Kernel for Trace<'_> {
                 for i in (0..PACKET).filter(|&i| paths.rays.tmax[i] >= 0.0) {
                     let emitted = tracer.emitted(paths, &hits, i, vertex == 1);
                     radiance[paths.path[i] as usize] += emitted;
-                    if hits.triangle[i] != NONE && !is_last {
-                        tracer.arrive(paths, &hits, i, queues);
+                    let has_hit = hits.triangle[i] != NONE;
+                    let sees = FEATURES && (vertex == 1 || tracer.has_mirrors);
+                    let needed = has_hit && (!is_last || sees);
+                    let surface = needed.then(|| tracer.surface(paths, &hits, i));
+                    if sees {
+                        let sample = &mut features[paths.path[i] as usize];
+                        if vertex == 1 && has_hit {
+                            sample.depth = hits.t[i];
+                        }
+                        tracer.see(sample, paths, &hits, i, emitted, surface.as_ref());
+                    }
+                    if let Some(surface) = surface
+                        && !is_last
+                    {
+                        tracer.arrive(paths, &hits, i, &surface, queues);
                     }
                 }
             }

@@ -1,5 +1,6 @@
 //! Tests of whole paths.
 
+mod features;
 mod surfaces;
 
 use std::{path::Path, sync::Arc};
@@ -59,6 +60,11 @@ fn assert_strategies_agree(name: &str, scene: &Scene) {
 
 /// The radiances of a few thousand paths of a scene.
 fn radiances(tracer: &PathTracer<'_>) -> Vec<Vec3A> {
+    traced::<false>(tracer).0
+}
+
+/// The same, with their features if they are wanted.
+fn traced<const FEATURES: bool>(tracer: &PathTracer<'_>) -> (Vec<Vec3A>, Vec<FeatureSample>) {
     let projection = Projection::new(&tracer.scene.camera, [64, 64]);
     let sampler = Sampler::new(SamplerKind::Random, 7);
     let paths = (0..64 * 64_u32).map(|i| {
@@ -67,7 +73,9 @@ fn radiances(tracer: &PathTracer<'_>) -> Vec<Vec3A> {
         (projection.direction(film), samples)
     });
     let mut workspace = Workspace::default();
-    tracer.radiances(&mut workspace, SamplerKind::Random, projection.origin, paths).to_vec()
+    let (kind, origin) = (SamplerKind::Random, projection.origin);
+    let (radiances, features) = tracer.trace::<FEATURES>(&mut workspace, kind, origin, paths);
+    (radiances.to_vec(), features.to_vec())
 }
 
 #[test]

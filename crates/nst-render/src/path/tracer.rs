@@ -21,6 +21,8 @@ pub(crate) struct PathTracer<'a> {
     pub(super) strategy: Strategy,
     /// Whether any facet is cut out.
     pub(super) has_cut_outs: bool,
+    /// Whether any facet shows others.
+    pub(super) has_mirrors: bool,
     pub(super) instructions: Instructions,
 }
 
@@ -45,6 +47,8 @@ pub(super) struct Facet {
     pub(super) relief: bool,
     /// Whether light may pass as if it was not there.
     pub(super) cut_out: bool,
+    /// Whether the camera sees others in it: [`Material::shows_others`].
+    pub(super) shows_others: bool,
 }
 
 /// Which samples count where light sampling and BSDF sampling can find the same light.
@@ -76,6 +80,7 @@ impl<'a> PathTracer<'a> {
                 textured: material.color_texture.is_some() || colored,
                 relief: material.relief.is_some(),
                 cut_out: material.is_cut_out(),
+                shows_others: material.shows_others(),
             }
         };
         // First, as building it takes the most memory.
@@ -86,9 +91,11 @@ impl<'a> PathTracer<'a> {
             facets[triangle as usize].pdf_area = pdf_area;
         }
         let has_cut_outs = facets.iter().any(|facet| facet.cut_out);
+        let has_mirrors = facets.iter().any(|facet| facet.shows_others);
         Self {
             scene,
             has_cut_outs,
+            has_mirrors,
             accelerator,
             lights,
             facets,

@@ -11,7 +11,7 @@ use std::{
 
 use clap::Parser;
 use nst_core::{
-    Estimates, Keep, MlpCpu, Network, Transform,
+    Estimates, FurtherPowers, Keep, MlpCpu, Network, Transform,
     gpu::{AdapterKind, Gpu, MlpGpu},
     guard::Guard,
 };
@@ -149,7 +149,14 @@ fn methods() -> Checked<Vec<(String, Box<dyn Transform>)>> {
 fn job(scene: &Scene, spp: u32, transform: &dyn Transform, overlap: bool) -> Checked<Job> {
     let window = transform.requires().window as u32;
     let (sampler, keep) = (SamplerKind::Random, Keep::Window(window));
-    let settings = RenderSettings { spp, sampler, seed: 0, keep };
+    let settings = RenderSettings {
+        spp,
+        sampler,
+        seed: 0,
+        keep,
+        powers: FurtherPowers::NONE,
+        features: false,
+    };
     let begin = Instant::now();
     let since = |moment: Instant| moment.duration_since(begin).as_secs_f64();
     let (mut estimates, mut bands, mut failure) = (Vec::new(), Vec::new(), None);

@@ -15,7 +15,7 @@ use exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, Layer,
     LayerAttributes, LineOrder, SmallVec, WritableImage, read_first_flat_layer_from_file,
 };
-use nst_core::{Estimates, Keep, MlpCpu, Network, Side, Transform};
+use nst_core::{Estimates, FurtherPowers, Keep, MlpCpu, Network, Side, Transform};
 use nst_files::{
     ColorModel,
     output::{OutputFile, commit},
@@ -142,7 +142,14 @@ impl Picture {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/cornell/cornell.obj");
         let scene = Scene { size: [size; 2], ..Scene::load(&path)? };
         let keep = Keep::Window(8);
-        let settings = RenderSettings { spp: 8, sampler: SamplerKind::Random, seed: 0, keep };
+        let settings = RenderSettings {
+            spp: 8,
+            sampler: SamplerKind::Random,
+            seed: 0,
+            keep,
+            powers: FurtherPowers::NONE,
+            features: false,
+        };
         let batch = render(&scene, &settings, &|_| {})?.batch();
         let network = Network::builtin("cornell").ok_or("there is no network 'cornell'")??;
         let mut estimates = Estimates::default();

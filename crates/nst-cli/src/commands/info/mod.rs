@@ -9,6 +9,7 @@ mod tensors;
 
 use std::{fmt, path::Path};
 
+use nst_core::Weights;
 use nst_files::{dataset, header::is_exr};
 use serde::Serialize;
 
@@ -40,6 +41,12 @@ enum Content {
 }
 
 pub(super) fn run(args: &InfoArgs) -> Result<Done, Error> {
+    if let Some(name) = &args.network {
+        let weights = Weights::builtin(name);
+        let weights = weights.unwrap_or_else(|| unreachable!("clap admits known names only"))?;
+        let content = Content::Weights(tensors::WeightsInfo::of(&weights));
+        return Ok(Done::whole(Report { file: name.clone(), content }));
+    }
     Ok(match &args.file {
         None => Done::whole(system::SystemInfo::read()),
         Some(path) => {

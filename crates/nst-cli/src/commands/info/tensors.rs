@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::or_unknown;
 use crate::{
     error::Error,
+    networks::network_of,
     words::{counted, numbers},
 };
 
@@ -33,10 +34,12 @@ pub(super) struct WeightsInfo {
 
 impl WeightsInfo {
     pub(super) fn read(path: &Path) -> Result<Self, Error> {
-        let weights = Weights::read(path)
-            .map_err(|source| Error::Weights { path: path.to_owned(), source })?;
+        Ok(Self::of(&network_of(path)?))
+    }
+
+    pub(super) fn of(weights: &Weights) -> Self {
         let network = weights.layers();
-        let (window, powers) = match &weights {
+        let (window, powers) = match weights {
             Weights::Window(network) => (Some(network.metadata().window), None),
             Weights::Samples(network) => {
                 (None, Some(network.form().powers.iter().map(|power| power.value()).collect()))
@@ -44,7 +47,7 @@ impl WeightsInfo {
         };
         let metadata = network.metadata();
         let of_layers = network.layers().iter().map(|layer| layer.weight.len() + layer.bias.len());
-        Ok(Self {
+        Self {
             shape: network.shape(),
             parameters: of_layers.sum(),
             window,
@@ -56,7 +59,7 @@ impl WeightsInfo {
             epochs: metadata.epochs,
             seed: metadata.seed,
             config: metadata.config.clone(),
-        })
+        }
     }
 }
 

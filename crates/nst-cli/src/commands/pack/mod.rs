@@ -8,7 +8,7 @@ use std::{fmt, path::Path};
 use nst_files::{
     header::ExrHeader,
     output::{Kind, Name, Outputs},
-    pack::{self, Pack, Packer},
+    pack::{self, FeatureNames, Pack, Packer},
     sequence_file::{SequenceInfo, SequenceWriter},
 };
 use serde::Serialize;
@@ -43,6 +43,9 @@ fn check(args: &PackArgs) -> Result<(), Error> {
     if runs && (args.layer.is_some() || args.scene.is_some() || args.seed.is_some()) {
         return wrong("--layer, --scene and --seed are not for --as runs: the sequences have them");
     }
+    if runs && (args.albedo.is_some() || args.normal.is_some() || args.emission.is_some()) {
+        return wrong("--albedo, --normal and --emission are not for --as runs");
+    }
     let extension = if runs { "safetensors" } else { "exr" };
     if !has_extension(&args.output, extension) {
         return wrong(&format!(
@@ -74,6 +77,8 @@ struct Report {
     sample_counts: Vec<u32>,
     samples_from: Source,
     side_channels: Vec<String>,
+    /// The features that were found, each with the layers that it is of.
+    features: Vec<(String, Vec<String>)>,
     /// Files with values that are not finite, and how many.
     nonfinite: Vec<(String, u64)>,
     notes: Vec<String>,
@@ -104,7 +109,14 @@ fn sequence(args: &PackArgs) -> Result<Report, Error> {
     };
     let files = pictures.iter().map(|picture| picture.path().display().to_string()).collect();
     let first = pictures[0].clone();
-    let mut packer = Packer::new(pictures, pack)?;
+    let names = FeatureNames {
+        albedo: args.albedo.as_deref(),
+        normal: args.normal.as_deref(),
+        emission: args.emission.as_deref(),
+    };
+    let (features, mut notes) = pack::find_features(&pictures, names)?;
+    let taken = features.iter().map(|it| (it.side().to_string(), it.layers().to_vec())).collect();
+    let mut packer = Packer::new(pictures, pack)?.with_features(features);
     let info = SequenceInfo {
         size: packer.size(),
         model: packer.model(),
@@ -125,6 +137,7 @@ fn sequence(args: &PackArgs) -> Result<Report, Error> {
         progress.advance(height);
     }
     writer.finish()?;
+    notes.extend(packer.feature_notes());
     let nonfinite = packer.finish()?;
     drop(progress);
     output.commit()?;
@@ -137,9 +150,15 @@ fn sequence(args: &PackArgs) -> Result<Report, Error> {
         channels: first.channel_names.clone(),
         sample_counts: info.sample_counts,
         samples_from,
+        features: taken,
         side_channels: info.sides.iter().map(ToString::to_string).collect(),
         nonfinite: nonfinite.into_iter().map(|(path, n)| (path.display().to_string(), n)).collect(),
-        notes: first.primaries_note().into_iter().chain(first.denoised_note()).collect(),
+        notes: first
+            .primaries_note()
+            .into_iter()
+            .chain(first.denoised_note())
+            .chain(notes)
+            .collect(),
         means: args.kind() == PackAs::Samples,
         output: args.output.display().to_string(),
     })
@@ -172,6 +191,9 @@ impl fmt::Display for Report {
         let counts = numbers(&self.sample_counts);
         writeln!(f, "terms      of {counts} samples per pixel ({})", self.samples_from)?;
         writeln!(f, "order      {}", list(&self.files, ""))?;
+        for (feature, layers) in &self.features {
+            writeln!(f, "feature    {feature} from {}", layers.join(" + "))?;
+        }
         let left_out = if self.means { ", and left out of the means" } else { "" };
         for (path, count) in &self.nonfinite {
             let are = if *count == 1 { "value is" } else { "values are" };

@@ -4,7 +4,7 @@ mod dataset;
 mod picture;
 mod resume;
 
-use nst_core::Keep;
+use nst_core::{FurtherPowers, Keep};
 use nst_files::{output::Outputs, sequence_file::SequenceInfo};
 use nst_render::{PixelFilter, RenderSettings, Scene};
 
@@ -33,11 +33,13 @@ fn settings(args: &RenderArgs, window: usize, keep: KeepArg) -> RenderSettings {
         spp: args.spp,
         sampler: args.sampler.map_or_else(Default::default, Into::into),
         seed: args.seed.unwrap_or_default(),
+        powers: FurtherPowers::NONE,
         keep: match args.keep.unwrap_or(keep) {
             KeepArg::All => Keep::All,
             KeepArg::Pow2 => Keep::Pow2(window),
             KeepArg::Window => Keep::Window(window),
         },
+        features: args.features,
     }
 }
 

@@ -23,7 +23,7 @@ use super::{
 use crate::{
     adapter::caught,
     args::{KeepArg, RenderArgs},
-    commands::picture_files::{PictureFiles, header},
+    commands::picture_files::{PictureFiles, header, is_shown},
     error::Error,
     interrupt,
     method::Method,
@@ -53,10 +53,16 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     let advice =
         format!("use --spp {} or more, or --transform none", method.transform.requires().window);
     method.check_terms(args.spp as usize, &advice)?;
+    let needs = method.transform.requires();
     let settings = match &resumed {
-        None => settings(args, method.transform.requires().window, KeepArg::Window),
+        None => {
+            RenderSettings { powers: needs.powers, ..settings(args, needs.window, KeepArg::Window) }
+        }
         Some(resumed) => resumed.settings(args, &job.scene, &job.fingerprint, &method)?,
     };
+    let of_sums = Side::of_sums(settings.spp).cloned();
+    let sides: Vec<Side> = of_sums.chain(settings.powers.sides()).collect();
+    let lacking = method.check_statistics(&sides)?;
     // Opened before rendering, so that a path that cannot be written fails early.
     let files = Files::open(&job, resumed.as_ref())?;
 
@@ -66,7 +72,8 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     if let Some(start) = &start {
         say(&format!("resumed    from {} spp", start.samples), &args.common);
     }
-    job.render(watch, method, &settings, files, start)
+    let notes = lacking.into_iter().chain(method.note(args.method.backend)).collect();
+    job.render(watch, method, &settings, files, start, notes)
 }
 
 /// Reads the sequence that is to be continued.
@@ -114,6 +121,7 @@ impl Job<'_> {
         settings: &RenderSettings,
         files: Files,
         start: Option<Start>,
+        further_notes: Vec<String>,
     ) -> Result<Done, Error> {
         let Self { args, scene, .. } = self;
         let Files { sequence, picture } = files;
@@ -164,7 +172,8 @@ impl Job<'_> {
             build_time: rendering.build_time,
             paths: paths(scene, samples - done),
         };
-        let notes = self.notes(&rendering);
+        let mut notes = self.notes(&rendering);
+        notes.extend(further_notes);
         let report = watch.summary(
             Some(stats),
             &method,
@@ -206,7 +215,9 @@ impl Job<'_> {
         let mut strips = rendering.strips();
         while let Some(strip) = strips.next_rows() {
             let rows = rows(&strip);
-            writer.push(&strip, Some(&rendering.sums(rows.start as u32..rows.end as u32)))?;
+            let rows = rows.start as u32..rows.end as u32;
+            let (sums, features) = (rendering.sums(rows.clone()), rendering.feature_sums(rows));
+            writer.push_with_features(&strip, Some(&sums), features.as_deref())?;
         }
         writer.finish()?;
         let path = output.path().display().to_string();
@@ -320,7 +331,8 @@ fn write(
     let with_errors = estimated.filter(|it| !it.errors.is_empty());
     let errors = with_errors.is_some();
     let mut picture = files.begin(rendering.size(), ColorModel::Rgb, &sides, errors, info)?;
-    let mut strips = rendering.strips().with_sides(&[Side::Variance]);
+    let shown = sides.iter().filter(|&side| *side == Side::Variance || is_shown(side));
+    let mut strips = rendering.strips().with_sides(&shown.cloned().collect::<Vec<_>>());
     while let Some(strip) = strips.next_rows() {
         let plain = || Cow::Borrowed(strip.last());
         let of_rows = rows(&strip);

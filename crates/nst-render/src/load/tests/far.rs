@@ -1,6 +1,6 @@
 //! Scenes far from the origin, as maps and scanners have them.
 
-use nst_core::{Keep, Side};
+use nst_core::{FurtherPowers, Keep, Side};
 
 use super::*;
 use crate::{RenderSettings, SamplerKind, render};
@@ -30,8 +30,14 @@ fn room([dx, dy, dz]: [f64; 3], strays: &str) -> Scene {
 
 /// The mean of the picture's red, and the standard error of it.
 fn mean(scene: &Scene, seed: u64) -> [f64; 2] {
-    let settings =
-        RenderSettings { spp: 400, sampler: SamplerKind::Random, seed, keep: Keep::Window(2) };
+    let settings = RenderSettings {
+        spp: 400,
+        sampler: SamplerKind::Random,
+        seed,
+        keep: Keep::Window(2),
+        features: false,
+        powers: FurtherPowers::NONE,
+    };
     let batch = render(scene, &settings, &|_| {}).expect("it fits the memory").batch();
     let red = 32 * 32;
     let variance = batch.side(&Side::Variance).expect("more than one sample");

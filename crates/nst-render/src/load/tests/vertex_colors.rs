@@ -1,6 +1,6 @@
 //! Colours behind the coordinates of vertices.
 
-use nst_core::Keep;
+use nst_core::{FurtherPowers, Keep};
 
 use super::*;
 use crate::{RenderSettings, SamplerKind, render};
@@ -90,8 +90,14 @@ fn picture(files: &[(&str, &str)]) -> Vec<f32> {
     let toml = "[camera]\nposition = [0, 0, 2]\ntarget = [0, 0, 0]\nvertical_fov = 40\n\
                 [film]\nsize = [8, 8]\n[environment]\nlight = 'white'\n";
     let scene = load(&[files, &[("x.toml", toml)]].concat()).expect("a good scene");
-    let settings =
-        RenderSettings { spp: 64, sampler: SamplerKind::Random, seed: 1, keep: Keep::Window(1) };
+    let settings = RenderSettings {
+        spp: 64,
+        sampler: SamplerKind::Random,
+        seed: 1,
+        keep: Keep::Window(1),
+        features: false,
+        powers: FurtherPowers::NONE,
+    };
     let rendering = render(&scene, &settings, &|_| {}).expect("it fits the memory");
     rendering.last()
 }

@@ -4,7 +4,7 @@ use super::*;
 use crate::{Material, Relief, Scattering, TextureMap, Triangle};
 
 /// A horizontal square about the y axis, with texture coordinates from 0 to 1.
-fn sheet(y: f32, half: f32, material: u32) -> [Triangle; 2] {
+pub(super) fn sheet(y: f32, half: f32, material: u32) -> [Triangle; 2] {
     let corner = |i: usize| {
         let (x, z) = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)][i];
         (Vec3A::new(x * half, y, z * half), Vec2::new(x, z) * 0.5 + 0.5)
@@ -18,7 +18,7 @@ fn sheet(y: f32, half: f32, material: u32) -> [Triangle; 2] {
 }
 
 /// Only sheets, seen from above, in a white environment.
-fn sheets(heights: &[f32], material: Material) -> Scene {
+pub(super) fn sheets(heights: &[f32], material: Material) -> Scene {
     let mut scene = scene("cornell");
     scene.triangles = heights.iter().flat_map(|&y| sheet(y, 1.0, 0)).collect();
     scene.materials = vec![material];

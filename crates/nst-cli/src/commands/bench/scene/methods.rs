@@ -6,7 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use nst_core::{Estimates, SequenceBatch, guard::Judgement};
+use nst_core::{Estimates, FurtherPowers, SequenceBatch, guard::Judgement};
 
 use super::source::{Origin, Run};
 use crate::{
@@ -132,19 +132,20 @@ impl Methods {
         self.choice(name).is_some()
     }
 
-    /// The most last terms that one of these methods reads.
-    pub(super) fn window<'a>(
+    /// The most last terms that one of these methods reads, and the further powers of samples
+    /// whose means some of them read.
+    pub(super) fn needs<'a>(
         &mut self,
         names: impl IntoIterator<Item = &'a str>,
         origin: &Origin,
-    ) -> Result<usize, Error> {
-        let mut window = 1;
+    ) -> Result<(usize, FurtherPowers), Error> {
+        let (mut window, mut powers) = (1, FurtherPowers::NONE);
         for name in names {
             let Some(choice) = self.choice(name) else { continue };
-            let method = &self.ready(name, &choice, origin)?.method;
-            window = window.max(method.transform.requires().window);
+            let needs = self.ready(name, &choice, origin)?.method.transform.requires();
+            (window, powers) = (window.max(needs.window), powers.with(needs.powers));
         }
-        Ok(window)
+        Ok((window, powers))
     }
 
     /// Makes a method ready.
@@ -152,9 +153,11 @@ impl Methods {
         if !self.ready.contains_key(name) {
             let begin = Instant::now();
             let method = match choice {
-                Choice::Named(TransformArg::Auto) => Method::auto(&[], &origin.sampler)?,
+                Choice::Named(TransformArg::Auto) => {
+                    Method::auto(&[], &origin.sampler, self.backend)?
+                }
                 Choice::Named(named) => Method::named(*named, self.backend)?,
-                Choice::Experts(experts) => Method::auto(experts, &origin.sampler)?,
+                Choice::Experts(experts) => Method::auto(experts, &origin.sampler, self.backend)?,
                 Choice::Weights(path) => Method::of_file(path, self.backend)?,
             };
             let mut making = begin.elapsed();

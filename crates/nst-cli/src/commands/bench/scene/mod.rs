@@ -189,7 +189,7 @@ fn measure(
     table: &mut Table,
 ) -> Result<(), Error> {
     let names: Vec<String> = methods.names().map(str::to_owned).collect();
-    let window = methods.window(names.iter().map(String::as_str), meter.origin)?;
+    let needs = methods.needs(names.iter().map(String::as_str), meter.origin)?;
     let lacks = |table: &Table, spp: u32, run: u32| {
         names.iter().filter(|name| !table.has(name, spp, run)).count() as u64
     };
@@ -218,7 +218,7 @@ fn measure(
         };
         let mut batches: Vec<Run> = Vec::new();
         for &run in runs {
-            batches.push(source.run(*spp, run, window)?);
+            batches.push(source.run(*spp, run, needs)?);
             meter.check_independent(&batches[batches.len() - 1])?;
             if interrupt::asked() {
                 return Err(stopped());

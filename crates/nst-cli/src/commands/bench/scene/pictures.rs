@@ -116,7 +116,7 @@ pub(super) fn write(
     let earlier = Earlier::of(output.path().to_owned(), &meter.blank());
     let mut layers = vec![(String::new(), meter.reference.mean())];
     let shown = shown(results, |name| methods.can_make(name));
-    let window = methods.window(shown.iter().map(String::as_str), meter.origin)?;
+    let needs = methods.needs(shown.iter().map(String::as_str), meter.origin)?;
     let is_given = |name: &str| others.iter().any(|other| other.row.method == name);
     let all = results.distinct(|row| &row.method);
     let kept = all.into_iter().filter(|name| !methods.can_make(name) && !is_given(name));
@@ -124,7 +124,7 @@ pub(super) fn write(
     for spp in results.sample_counts() {
         let measured = |row: &Row| row.spp == spp && shown.contains(&row.method);
         let run = (source.has(spp, 0) && results.rows().iter().any(measured))
-            .then(|| source.run(spp, 0, window))
+            .then(|| source.run(spp, 0, needs))
             .transpose()?;
         if interrupt::asked() {
             let why = format!("all rows are measured, but '{}' is not", output.path().display());

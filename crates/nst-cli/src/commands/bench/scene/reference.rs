@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nst_core::{Keep, halves::Halves};
+use nst_core::{FurtherPowers, Keep, halves::Halves};
 use nst_files::{
     ColorModel,
     output::OutputFile,
@@ -169,8 +169,14 @@ fn half(
     );
     let advance = |paths| progress.advance(paths);
     let control = Control { progress: &advance, stop: &interrupt::asked };
-    let settings =
-        RenderSettings { spp, sampler: SamplerKind::Random, seed, keep: Keep::Window(1) };
+    let settings = RenderSettings {
+        spp,
+        sampler: SamplerKind::Random,
+        seed,
+        keep: Keep::Window(1),
+        features: false,
+        powers: FurtherPowers::NONE,
+    };
     let rendering = render_from(None, scene, &settings, control)?;
     if rendering.samples() != spp {
         return Ok(None);

@@ -8,7 +8,7 @@ mod simulate;
 use std::{fmt, io::Write, time::Instant};
 
 use nst_core::{
-    Estimates, SampleMlp, SampleNetwork, SequenceBatch, Status,
+    Estimates, SampleMlp, SequenceBatch, Status,
     guard::{Expert, Guard},
     methods::of_single_lanes,
     random::SplitMix64,
@@ -20,6 +20,7 @@ use crate::{
     args::{BackendArg, BenchStabilityArgs, TransformArg},
     error::Error,
     method::Method,
+    networks::builtin_of_samples,
 };
 
 use regimes::{REGIMES, Regime, window};
@@ -147,6 +148,10 @@ const NETWORKS: [&str; 2] = ["cornell", "families"];
 /// The guard over the networks that see samples.
 const GUARDED: &str = "guard-samples";
 
+/// Those of the families of integrals.
+const OF_SAMPLES: [&str; 4] =
+    ["families-samples", "gaussian-samples", "step-samples", "gaussian-step-samples"];
+
 /// The one of them whose last layer is fitted again to each batch.
 const REFITTED: &str = "families-samples";
 
@@ -160,7 +165,7 @@ fn methods(sampler: &str) -> Result<Vec<Method>, Error> {
     let methods = of_single_lanes().filter_map(TransformArg::named);
     let methods = [TransformArg::None].into_iter().chain(methods).chain(networks);
     let method = |transform| match transform {
-        TransformArg::Auto => Method::auto(&[], sampler),
+        TransformArg::Auto => Method::auto(&[], sampler, BackendArg::Cpu),
         other => Method::named(other, BackendArg::Cpu),
     };
     methods.map(method).chain([guarded(sampler)]).collect()
@@ -168,17 +173,15 @@ fn methods(sampler: &str) -> Result<Vec<Method>, Error> {
 
 fn guarded(sampler: &str) -> Result<Method, Error> {
     let expert = |name: &'static str| -> Result<Box<dyn Expert>, Error> {
-        let network = SampleNetwork::builtin(name);
-        let network = network.unwrap_or_else(|| unreachable!("it is one of the list"))?;
-        let mlp = SampleMlp::new(name, network);
+        let mlp = SampleMlp::new(name, builtin_of_samples(name)?);
         Ok(Box::new(if name == REFITTED { mlp.with_refit() } else { mlp }))
     };
-    let auto = Method::auto(&[], sampler)?;
+    let auto = Method::auto(&[], sampler, BackendArg::Cpu)?;
     let name = GUARDED.to_owned();
     if sampler == NESTED_SAMPLER {
         return Ok(Method { name, ..auto });
     }
-    let experts = SampleNetwork::builtins().map(expert).collect::<Result<_, _>>()?;
+    let experts = OF_SAMPLES.into_iter().map(expert).collect::<Result<_, _>>()?;
     Ok(Method { name, transform: Box::new(Guard::new(experts)?), ..auto })
 }
 
