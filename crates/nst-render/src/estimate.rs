@@ -271,7 +271,7 @@ mod tests {
             assert_ne!(stopped.0, alone.0, "{name}: of more samples");
         }
         // All but those that go over the picture twice, and the one that looks at neighbours.
-        assert_eq!(early.len(), METHODS.len() + 2 - 3, "{early:?}");
+        assert_eq!(early.len(), METHODS.len() + 4 - 3, "{early:?}");
         assert!(!early.contains(&"filter"));
         assert!(early.contains(&"guard") && early.contains(&"families"));
     }
