@@ -3,7 +3,7 @@
 use std::{path::Path, sync::Arc};
 
 #[cfg(feature = "gpu")]
-use nst_core::gpu::{AdapterKind, Gpu, MlpGpu};
+use nst_core::gpu::{AdapterKind, FilterGpu, Gpu, MlpGpu};
 use nst_core::{
     Estimates, Identity, MlpCpu, Network, SampleNetwork, SequenceBatch, Side, Transform, Weights,
     Whole,
@@ -28,6 +28,9 @@ pub(crate) const DEFAULT_WINDOW: usize = 8;
 
 /// The reason if the command line names the method.
 const AS_ASKED: &str = "as asked";
+
+/// The method without a network that a GPU can run, where it is asked for.
+const FILTER: &str = "filter";
 
 /// What the guard does.
 const BLENDS: &str =
@@ -89,6 +92,11 @@ impl Method {
         match transform {
             TransformArg::Auto => Self::auto(&[], "", backend),
             TransformArg::None => Ok(Self::on_cpu("none", AS_ASKED, Box::new(Identity))),
+            TransformArg::Method(FILTER) if backend == BackendArg::Gpu => {
+                let adapter = Adapter::default();
+                let method = Self::on_cpu(FILTER, AS_ASKED, filter_on_gpu(&adapter)?);
+                Ok(Self { adapter, ..method })
+            }
             TransformArg::Method(name) => {
                 let method = method(name);
                 let method =
@@ -204,12 +212,31 @@ fn open(kind: AdapterKind, network: Arc<Network>) -> Result<(String, MlpGpu), ns
 /// A network on a GPU, or an error.
 #[cfg(feature = "gpu")]
 fn on_gpu(network: Arc<Network>, adapter: &Adapter) -> Result<Box<dyn Transform>, Error> {
+    opened(adapter, || open(AdapterKind::Any, network))
+}
+
+/// The filter on a GPU, or an error.
+#[cfg(feature = "gpu")]
+fn filter_on_gpu(adapter: &Adapter) -> Result<Box<dyn Transform>, Error> {
+    opened(adapter, || {
+        let gpu = Gpu::open(AdapterKind::Any)?;
+        let name = gpu.name().to_owned();
+        FilterGpu::new(gpu).map(|filter| (name, filter))
+    })
+}
+
+/// What `open` opens on a GPU, which it names.
+#[cfg(feature = "gpu")]
+fn opened<T: Transform + 'static>(
+    adapter: &Adapter,
+    open: impl FnOnce() -> Result<(String, T), nst_core::Error>,
+) -> Result<Box<dyn Transform>, Error> {
     let opening = adapter.opens();
-    let opened = caught(|| open(AdapterKind::Any, network));
+    let opened = caught(open);
     drop(opening);
-    let (name, mlp) = opened.map_err(Error::Gpu)?;
+    let (name, transform) = opened.map_err(Error::Gpu)?;
     adapter.set(Some(name));
-    Ok(Box::new(mlp))
+    Ok(Box::new(transform))
 }
 
 /// A network on a GPU if there is one, else on the CPU.
@@ -220,7 +247,12 @@ fn on_any(network: Arc<Network>, cpu: MlpCpu, adapter: &Adapter) -> Box<dyn Tran
 }
 
 #[cfg(not(feature = "gpu"))]
-fn on_gpu(_: Arc<Network>, _: &Adapter) -> Result<Box<dyn Transform>, Error> {
+fn on_gpu(_: Arc<Network>, adapter: &Adapter) -> Result<Box<dyn Transform>, Error> {
+    filter_on_gpu(adapter)
+}
+
+#[cfg(not(feature = "gpu"))]
+fn filter_on_gpu(_: &Adapter) -> Result<Box<dyn Transform>, Error> {
     let message = "--backend gpu: this nst was built without the feature 'gpu'";
     Err(Error::Usage(message.into()))
 }

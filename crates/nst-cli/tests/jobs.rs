@@ -156,15 +156,21 @@ fn a_stored_sequence_holds_what_was_asked_for() {
     assert_eq!(all.batch.sides().count(), 13);
 }
 
-/// These methods learn from the whole picture, which `nst transform` reads strip by strip.
+/// These methods learn from the whole picture, or look at neighbours; `nst transform` reads it
+/// strip by strip.
 #[test]
 fn a_sequence_of_several_strips_gives_the_picture_of_its_rendering() {
     let bench = Bench::new();
     bench.write("pyramid.obj", PYRAMID);
     let render = "render --scene pyramid.obj --spp 8 --size 800x640 --max-depth 2 --quiet";
-    for (method, store) in [("ridge", "--sequence seq.exr"), ("prior-mean", ""), ("auto", "")] {
-        bench.succeed(&format!("{render} --transform {method} -o direct.exr {store}"));
-        bench.succeed(&format!("transform seq.exr --transform {method} -o stored.exr --quiet"));
+    let stores = "--sequence seq.exr --threads 1";
+    for (method, options) in
+        [("ridge", "--sequence seq.exr"), ("prior-mean", ""), ("auto", ""), ("filter", stores)]
+    {
+        bench.succeed(&format!("{render} --transform {method} -o direct.exr {options}"));
+        bench.succeed(&format!(
+            "transform seq.exr --transform {method} -o stored.exr --threads 3 --quiet"
+        ));
         let [direct, stored] = ["direct.exr", "stored.exr"].map(|name| picture(&bench.path(name)));
         assert!(direct.iter().map(|x| x.to_bits()).eq(stored.iter().map(|x| x.to_bits())));
         assert!(direct != read_layer(&bench.path("direct.exr"), "S").1, "{method} does nothing");
@@ -270,6 +276,30 @@ fn methods_without_weights_transform_stored_sequences() {
         assert!(transformed.iter().all(|x| x.is_finite()), "{method}");
         assert_ne!(transformed, plain, "{method}");
     }
+}
+
+#[test]
+fn the_filter_runs_on_a_gpu_if_asked() {
+    let bench = Bench::new();
+    if !bench.has_gpu() {
+        return;
+    }
+    let options = "--spp 16 --size 40x30 --transform filter --sequence seq.exr --json -o cpu.exr";
+    let backend = |said: &str| {
+        let json: serde_json::Value = serde_json::from_str(said).expect("JSON");
+        json["backend"].as_str().map(str::to_owned)
+    };
+    let on_cpu = bench.succeed(&format!("render --scene {} {options}", cornell()));
+    assert_eq!(backend(&on_cpu).as_deref(), Some("cpu"));
+    let on_gpu =
+        bench.succeed("transform seq.exr --transform filter --backend gpu --json -o gpu.exr");
+    assert_eq!(backend(&on_gpu).as_deref(), Some("gpu"));
+    let [cpu, gpu] = ["cpu.exr", "gpu.exr"].map(|name| picture(&bench.path(name)));
+    let near = |(cpu, gpu): &(&f32, &f32)| (*cpu - *gpu).abs() <= 1e-4 * cpu.abs();
+    // Where a test is very close to its threshold, rounding decides whether a pixel counts.
+    assert!(cpu.iter().zip(&gpu).filter(near).count() * 100 >= 99 * cpu.len());
+    let plain = read_layer(&bench.path("cpu.exr"), "S").1;
+    assert!(plain.iter().zip(&gpu).filter(near).count() * 2 < cpu.len());
 }
 
 #[test]

@@ -30,6 +30,7 @@
 mod cholesky;
 mod compact;
 mod error;
+mod filter;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod guard;
@@ -42,9 +43,11 @@ pub mod random;
 mod sample_mlp;
 mod sequence;
 mod transform;
+mod vector;
 
 pub use error::Error;
-pub use mlp::{Instructions, MlpCpu};
+pub use filter::WelchFilter;
+pub use mlp::MlpCpu;
 pub use network::{Builtin, Layer, Metadata, Network, SampleForm, SampleNetwork, Weights};
 pub use sample_mlp::SampleMlp;
 pub(crate) use sequence::sum_in_order;
@@ -53,3 +56,4 @@ pub use sequence::{
     Power, PowerSums, SequenceBatch, Side, Strips, Whole, fold_count, root,
 };
 pub use transform::{Estimates, Fit, Fitted, Identity, Requirements, Status, Support, Transform};
+pub use vector::Instructions;

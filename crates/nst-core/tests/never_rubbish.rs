@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use ndarray::Array2;
 use nst_core::{
-    Estimates, FOLDS, MlpCpu, Network, SequenceBatch, Side, Status, Transform,
+    Estimates, FOLDS, Grid, MlpCpu, Network, SequenceBatch, Side, Status, Transform,
     methods::{METHODS, method},
     random::SplitMix64,
 };
@@ -92,6 +92,10 @@ fn batch(rng: &mut Rng, lanes: usize) -> SequenceBatch {
             let fold = folds.iter().map(|folds| folds[k]).collect();
             batch.set_side(side.clone(), fold).expect("a value per lane");
         }
+    }
+    if rng.below(4) > 0 {
+        let row = Grid::new(lanes as u32, 1, 1, 0).expect("a picture of one row");
+        batch.set_grid(row).expect("its lanes");
     }
     batch
 }

@@ -184,7 +184,7 @@ fn source(kernel: Kernel, precision: Precision, size: u32) -> String {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use naga::{
         TypeInner,
         valid::{Capabilities, ValidationFlags, Validator},
@@ -203,6 +203,11 @@ mod tests {
         let capabilities = Capabilities::SHADER_FLOAT16 | Capabilities::COOPERATIVE_MATRIX;
         let options = naga::front::wgsl::Options { parse_doc_comments: false, capabilities };
         naga::front::wgsl::Frontend::new_with_options(options).parse(source)
+    }
+
+    /// Whether the source of a shader parses, and is valid.
+    pub(in crate::gpu) fn is_valid_shader(source: &str) -> bool {
+        parse(source).is_ok_and(|module| is_valid(&module))
     }
 
     fn is_valid(module: &naga::Module) -> bool {

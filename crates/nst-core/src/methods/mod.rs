@@ -1,4 +1,4 @@
-//! The methods that need no training: classical extrapolation and robust means.
+//! The methods that need no training: classical extrapolation, robust means, the filter.
 //!
 //! The classical ones ([`Extrapolation`]) model how a deterministic sequence
 //! approaches its limit. The robust ones look at the means of the four folds of
@@ -36,10 +36,10 @@ pub use richardson::Richardson;
 pub use ridge::Ridge;
 pub use theta::BrezinskiTheta;
 
-use crate::{Transform, guard::Guard};
+use crate::{Transform, WelchFilter, guard::Guard};
 
 /// The names that [`method`] knows, and what each is in a few words: classical methods,
-/// then robust and fitted ones.
+/// then robust and fitted ones, then those that look at neighbours.
 pub const METHODS: &[(&str, &str)] = &[
     ("aitken", "Aitken's Δ²"),
     ("aitken-iterated", "Aitken's Δ², iterated"),
@@ -60,7 +60,18 @@ pub const METHODS: &[(&str, &str)] = &[
         "the guard: a blend of the plain estimates with experts, as far as samples held out support it",
     ),
     ("ridge", "a regression on the folds, fitted on the picture itself"),
+    (
+        "filter",
+        "averages pixels of a picture that a test cannot tell apart; biased, as no guard checks it",
+    ),
 ];
+
+/// The names in [`METHODS`] of those that need no picture: the others leave lanes without
+/// neighbours as they are.
+pub fn of_single_lanes() -> impl Iterator<Item = &'static str> {
+    let alone = |name: &&str| method(name).is_some_and(|method| method.requires().halo() == 0);
+    METHODS.iter().map(|(name, _)| *name).filter(alone)
+}
 
 /// The method of a name in [`METHODS`]; `None` for other names.
 #[must_use]
@@ -72,6 +83,7 @@ pub fn method(name: &str) -> Option<Box<dyn Transform>> {
         "reweight" => Box::new(Reweight),
         "auto" => Box::new(Guard::default()),
         "ridge" => Box::new(Ridge),
+        "filter" => Box::new(WelchFilter::default()),
         _ => Box::new(extrapolation(name)?),
     })
 }
@@ -106,6 +118,9 @@ mod tests {
     fn every_name_is_known() {
         assert!(METHODS.iter().all(|(name, about)| method(name).is_some() && !about.is_empty()));
         assert!(method("Aitken").is_none());
+        let others: Vec<_> = METHODS.iter().map(|(name, _)| *name).collect();
+        let [alone @ .., "filter"] = &others[..] else { panic!("{others:?}") };
+        assert!(of_single_lanes().eq(alone.iter().copied()));
     }
 
     /// Nothing else need be made of a rendering for the second pass.

@@ -8,8 +8,8 @@
 
 use std::slice;
 
-use super::vector::Vector;
 use crate::Network;
+use crate::vector::Vector;
 
 /// Neurons of a layer that are computed together. It divides the usual widths.
 const ROWS: usize = 4;

@@ -4,7 +4,6 @@
 //! `a ← leaky_relu(W_i a + b_i)`, without the activation after the last one.
 
 mod kernel;
-mod vector;
 
 use std::{
     convert::Infallible,
@@ -14,15 +13,14 @@ use std::{
 use ndarray::ArrayView2;
 use rayon::prelude::*;
 
+#[cfg(target_arch = "x86_64")]
+use crate::vector::{Eight, Sixteen};
+use crate::vector::{Four, Instructions, Vector};
 use crate::{
     Error, Estimates, Fitted, Network, Requirements, SequenceBatch, Status, Strips, Transform,
     compact::{Compact, Selection, classify},
 };
 use kernel::{Packed, Tile, evaluate, panel};
-pub use vector::Instructions;
-#[cfg(target_arch = "x86_64")]
-use vector::{Eight, Sixteen};
-use vector::{Four, Vector};
 
 /// Lanes per tile, whole panels of any vector: 64 KiB of activations for a 256-wide
 /// layer, of which the half that is being read stays in the L1 cache panel by panel.

@@ -10,7 +10,7 @@ use std::{fmt, io::Write, time::Instant};
 use nst_core::{
     Estimates, SampleMlp, SequenceBatch, Status,
     guard::{Expert, Guard},
-    methods::METHODS,
+    methods::of_single_lanes,
     random::SplitMix64,
 };
 use nst_files::output::{Kind, Name, OutputFile, Outputs, commit};
@@ -159,10 +159,10 @@ const REFITTED: &str = "families-samples";
 const NESTED: [&str; 2] = ["halton", "halton-random"];
 const NESTED_SAMPLER: &str = "halton";
 
-/// All methods, for samples of this sampler.
+/// All methods of single lanes, for samples of this sampler.
 fn methods(sampler: &str) -> Result<Vec<Method>, Error> {
     let networks = NETWORKS.iter().map(|&name| TransformArg::Builtin(name));
-    let methods = METHODS.iter().filter_map(|(name, _)| TransformArg::named(name));
+    let methods = of_single_lanes().filter_map(TransformArg::named);
     let methods = [TransformArg::None].into_iter().chain(methods).chain(networks);
     let method = |transform| match transform {
         TransformArg::Auto => Method::auto(&[], sampler, BackendArg::Cpu),
@@ -304,7 +304,8 @@ mod tests {
     #[test]
     fn no_result_is_not_finite_without_need() {
         let rows = short();
-        assert_eq!(rows.len(), REGIMES.len() * 2 * (2 + METHODS.len() + NETWORKS.len()));
+        let methods = 2 + of_single_lanes().count() + NETWORKS.len();
+        assert_eq!(rows.len(), REGIMES.len() * 2 * methods);
         assert!(rows.iter().all(|row| row.nonfinite == 0));
         assert!(rows.iter().filter(|row| row.method == "none").all(|row| row.mse_ratio == 1.0));
         let names: std::collections::BTreeSet<_> = REGIMES.iter().map(|r| r.name).collect();

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// Which vector instructions evaluate a network. Results differ between them by
+/// Which vector instructions evaluate a network or a filter. Results differ between them by
 /// rounding alone: with AVX2 and AVX-512, multiplications and additions are fused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -59,7 +59,7 @@ impl fmt::Display for Instructions {
 /// # Safety
 /// The processor has the type's instructions: a promise that every method asks of its caller.
 #[allow(unsafe_code)]
-pub(super) trait Vector: Copy {
+pub(crate) trait Vector: Copy {
     /// Lanes per register.
     const LANES: usize;
 
@@ -68,6 +68,12 @@ pub(super) trait Vector: Copy {
     /// # Safety
     /// Also, `LANES` numbers can be read there, and the address is a multiple of their size.
     unsafe fn load(from: *const f32) -> Self;
+
+    /// As [`Self::load`], from any address of a number.
+    ///
+    /// # Safety
+    /// Also, `LANES` numbers can be read there.
+    unsafe fn load_anywhere(from: *const f32) -> Self;
 
     /// # Safety
     /// Also, `LANES` numbers can be written there, and the address is a multiple of their size.
@@ -90,7 +96,7 @@ pub(super) trait Vector: Copy {
 /// For any processor.
 #[derive(Clone, Copy)]
 #[repr(C, align(16))]
-pub(super) struct Four([f32; 4]);
+pub(crate) struct Four([f32; 4]);
 
 impl Four {
     #[inline(always)]
@@ -112,6 +118,12 @@ impl Vector for Four {
     unsafe fn load(from: *const f32) -> Self {
         // SAFETY: the caller's promise.
         unsafe { from.cast::<Self>().read() }
+    }
+
+    #[inline(always)]
+    unsafe fn load_anywhere(from: *const f32) -> Self {
+        // SAFETY: the caller's promise.
+        Self(unsafe { from.cast::<[f32; 4]>().read() })
     }
 
     #[inline(always)]
@@ -153,11 +165,12 @@ impl Vector for Four {
 
 /// The vectors of x86-64: a register, its lanes, and the intrinsics by name.
 macro_rules! x86_vector {
-    ($name:ident, $register:ident, $lanes:literal, $splat:ident, $load:ident, $store:ident,
+    ($name:ident, $register:ident, $lanes:literal, $splat:ident, $load:ident, $load_anywhere:ident,
+     $store:ident,
      $mul_add:ident, $add:ident, $mul:ident, $max:ident, $min:ident) => {
         #[cfg(target_arch = "x86_64")]
         #[derive(Clone, Copy)]
-        pub(super) struct $name(std::arch::x86_64::$register);
+        pub(crate) struct $name(std::arch::x86_64::$register);
 
         #[cfg(target_arch = "x86_64")]
         #[allow(unsafe_code)]
@@ -174,6 +187,12 @@ macro_rules! x86_vector {
             unsafe fn load(from: *const f32) -> Self {
                 // SAFETY: the caller's promise.
                 Self(unsafe { std::arch::x86_64::$load(from) })
+            }
+
+            #[inline(always)]
+            unsafe fn load_anywhere(from: *const f32) -> Self {
+                // SAFETY: the caller's promise.
+                Self(unsafe { std::arch::x86_64::$load_anywhere(from) })
             }
 
             #[inline(always)]
@@ -221,6 +240,7 @@ x86_vector!(
     8,
     _mm256_set1_ps,
     _mm256_load_ps,
+    _mm256_loadu_ps,
     _mm256_store_ps,
     _mm256_fmadd_ps,
     _mm256_add_ps,
@@ -235,6 +255,7 @@ x86_vector!(
     16,
     _mm512_set1_ps,
     _mm512_load_ps,
+    _mm512_loadu_ps,
     _mm512_store_ps,
     _mm512_fmadd_ps,
     _mm512_add_ps,
