@@ -1,4 +1,5 @@
-"""Measures what a network that was trained over many scenes adds to `--transform auto`, for docs/adaptation.md.
+"""Measures what a network that was trained over many scenes adds to `--transform auto`: for
+docs/adaptation.md.
 
     python docs/universal.py            # writes the table into the page
     python docs/universal.py --check    # compares instead; exit code 1 on a difference
@@ -17,8 +18,18 @@ import tempfile
 from pathlib import Path
 from statistics import fmean, geometric_mean
 
-from adaptation import PAGE, REFERENCE_SPP, ROOT, SCENES, SIZE, USUAL_REFERENCE_SPP
-from adaptation import append, read, rounded, scene_file
+from adaptation import (
+    PAGE,
+    REFERENCE_SPP,
+    ROOT,
+    SCENES,
+    SIZE,
+    USUAL_REFERENCE_SPP,
+    append,
+    read,
+    rounded,
+    scene_file,
+)
 
 NST = os.environ.get("NST", str(ROOT / "target" / "release" / "nst"))
 TABLE = ROOT / "docs" / "universal.csv"
@@ -35,8 +46,12 @@ def bench(scene: str, folder: Path) -> list[list[object]]:
     table = folder / f"{scene}.csv"
     command = [NST, "bench", "scene", "--scene", scene_file(scene), "--size", SIZE, *SCENES[scene][0]]
     command += ["--spp", *map(str, COUNTS), "--runs", str(RUNS)]
-    command += ["--reference-spp", str(REFERENCE_SPP.get(scene, USUAL_REFERENCE_SPP)), "--backend", "cpu", "--quiet", "-o", str(table)]
-    for options in (["--transform", f"{AUTO},{NETWORK}"], ["--transform", AUTO, "--experts", f"lane,{NETWORK}"]):
+    reference_spp = str(REFERENCE_SPP.get(scene, USUAL_REFERENCE_SPP))
+    command += ["--reference-spp", reference_spp, "--backend", "cpu", "--quiet", "-o", str(table)]
+    for options in (
+        ["--transform", f"{AUTO},{NETWORK}"],
+        ["--transform", AUTO, "--experts", f"lane,{NETWORK}"],
+    ):
         subprocess.run([*command, *options], check=True, stdout=subprocess.DEVNULL)
     return [
         [scene, *(row[name] for name in COLUMNS[1:4]), *(rounded(row[name]) for name in COLUMNS[4:])]
@@ -73,8 +88,10 @@ def table(rows: list[dict[str, str]]) -> str:
         return f"| {scene} | {NAMES[method]} | " + " | ".join(texts) + " |"
 
     for scene in scenes:
-        for method in NAMES:
-            lines.append(line(f"`{scene}`", method, [ratios(rows, scene, method, spp) for spp in COUNTS]))
+        lines.extend(
+            line(f"`{scene}`", method, [ratios(rows, scene, method, spp) for spp in COUNTS])
+            for method in NAMES
+        )
     for method in NAMES:
         means = []
         for spp in COUNTS:
