@@ -132,7 +132,7 @@ fn layers_that_are_not_known_may_be_of_any_kind() {
     let sides = read_changed(|_| {}).expect("a sound file").info.sides;
     let file = read_changed(|it| {
         it.put("foldout.R", FlatSamples::F32(vec![1.0; PIXELS]));
-        it.put("depth.Z", FlatSamples::F32(vec![1.0; PIXELS]));
+        it.put("distance.Z", FlatSamples::F32(vec![1.0; PIXELS]));
         it.put_layer("id");
         it.put("id.G", FlatSamples::U32(vec![1; PIXELS]));
         it.put("A", FlatSamples::F32(vec![1.0; PIXELS]));
