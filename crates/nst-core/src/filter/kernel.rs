@@ -175,7 +175,7 @@ impl<'a> Kernel<'a> {
         y: usize,
     ) -> [Packet; C] {
         let Planes { ref grid, stride, ref values, .. } = *self.planes;
-        let of_row = self.planes.count() * stride;
+        let of_row = self.planes.of_row();
         let of_channel = OF_CHANNEL * stride;
         let [first, guides] = [channel, grid.channels()].map(|channel| channel * of_channel);
         let load = |place: usize| {

@@ -23,7 +23,9 @@ mod kernel;
 mod planes;
 
 use kernel::Kernel;
-pub(crate) use planes::{Guide, Means, Planes, RADIUS};
+#[cfg(any(feature = "gpu", test))]
+pub(crate) use planes::Guide;
+pub(crate) use planes::{Means, Planes, RADIUS};
 
 use crate::{
     Error, Estimates, FOLDS, Fitted, FurtherPowers, Instructions, Requirements, SequenceBatch,
