@@ -50,10 +50,10 @@ pub use filter::WelchFilter;
 pub use mlp::MlpCpu;
 pub use network::{Builtin, Layer, Metadata, Network, SampleForm, SampleNetwork, Weights};
 pub use sample_mlp::SampleMlp;
-pub(crate) use sequence::sum_in_order;
 pub use sequence::{
     Extent, FOLDS, FeatureSums, FurtherPowers, Grid, Keep, LANES_PER_BLOCK, LaneSums, Merging,
     Power, PowerSums, SequenceBatch, Side, Strips, Whole, fold_count, root,
 };
+pub(crate) use sequence::{mean_of_folds, sum_in_order};
 pub use transform::{Estimates, Fit, Fitted, Identity, Requirements, Status, Support, Transform};
 pub use vector::Instructions;

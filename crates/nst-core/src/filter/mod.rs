@@ -28,8 +28,8 @@ pub(crate) use planes::Guide;
 pub(crate) use planes::{Means, Planes, RADIUS};
 
 use crate::{
-    Error, Estimates, FOLDS, Fitted, FurtherPowers, Instructions, Requirements, SequenceBatch,
-    Side, Status, Strips, Support, Transform, fold_count,
+    Error, Estimates, Fitted, FurtherPowers, Instructions, Requirements, SequenceBatch, Side,
+    Status, Strips, Support, Transform, fold_count,
 };
 
 /// The filter as a method of its own.
@@ -87,7 +87,7 @@ pub(crate) fn filter_strip(
     run: impl FnOnce(&Planes, &mut [f32]) -> Result<(), Error>,
 ) -> Result<(), Error> {
     let n = *strip.sample_counts().last().expect("a batch has a term");
-    let (Some(grid), Some(folds)) = (strip.grid(), folds(strip)) else {
+    let (Some(grid), Some(folds)) = (strip.grid(), strip.of_folds(Side::OF_FOLDS[1])) else {
         out.fall_back(strip, Status::NoFolds);
         return Ok(());
     };
@@ -104,13 +104,6 @@ pub(crate) fn filter_strip(
         }
     }
     Ok(())
-}
-
-/// The means of the roots of each fold, each `[lane]`, if all are there.
-fn folds(batch: &SequenceBatch) -> Option<[&[f32]; FOLDS]> {
-    let sides = Side::OF_FOLDS[1].each_ref().map(|fold| batch.side(fold));
-    let [Some(a), Some(b), Some(c), Some(d)] = sides else { return None };
-    Some([a, b, c, d])
 }
 
 #[cfg(test)]

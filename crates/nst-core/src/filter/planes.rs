@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::{FOLDS, Grid};
+use crate::{FOLDS, Grid, mean_of_folds};
 
 /// How far pixels count, in pixels.
 pub(crate) const RADIUS: u32 = 10;
@@ -201,9 +201,6 @@ pub(super) fn threshold(samples: f64) -> f32 {
 
 /// The weighted mean over folds, `[lane]`.
 pub(super) fn mean(folds: &[&[f32]; FOLDS], shares: &[f64; FOLDS]) -> Vec<f32> {
-    let of_lane = |lane: usize| {
-        folds.iter().zip(shares).map(|(fold, share)| share * f64::from(fold[lane])).sum::<f64>()
-            as f32
-    };
+    let of_lane = |lane: usize| mean_of_folds(folds.map(|fold| fold[lane]), shares);
     (0..folds[0].len()).into_par_iter().map(of_lane).collect()
 }

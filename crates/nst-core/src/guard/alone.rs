@@ -62,10 +62,7 @@ impl<E: Expert> Transform for Alone<E> {
     /// Finds the unit, as the guard does.
     fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
         let mut learning = self.learning();
-        strips.rewind(0)?;
-        while let Some(strip) = strips.next_strip()?
-            && learning.sample.add(&strip)
-        {}
+        learning.sample.add_all(strips)?;
         Box::new(learning).finish()
     }
 
@@ -82,15 +79,10 @@ impl<'a, E: Expert> Fit<'a> for Learning<'a, E> {
 
     fn finish(self: Box<Self>) -> Result<Box<dyn Fitted + 'a>, Error> {
         let Self { expert, powers, sample } = *self;
-        let Some(sample) = sample.finish() else {
-            return Ok(Box::new(Plain(Status::NoFolds)));
+        let sample = match sample.finish() {
+            Ok(sample) => sample,
+            Err(status) => return Ok(Box::new(Plain(status))),
         };
-        if sample.counts.contains(&0.0) {
-            return Ok(Box::new(Plain(Status::TooShort)));
-        }
-        if sample.pixels.is_empty() {
-            return Ok(Box::new(Plain(Status::NotFinite)));
-        }
         let view = View::new(&sample.means(), &Vec::new(), &sample.counts, GROUPS, None);
         if !(view.unit > 0.0 && view.unit.is_finite()) {
             return Ok(Box::new(Plain(Status::Constant)));

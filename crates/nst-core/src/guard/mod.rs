@@ -135,11 +135,8 @@ impl Guard {
     /// # Errors
     /// Those of `strips`.
     pub fn measure<'a>(&'a self, strips: &mut dyn Strips) -> Result<FittedGuard<'a>, Error> {
-        strips.rewind(0)?;
         let mut sample = Sample::new(self.powers());
-        while let Some(strip) = strips.next_strip()?
-            && sample.add(&strip)
-        {}
+        sample.add_all(strips)?;
         Ok(self.learn(sample))
     }
 
@@ -151,18 +148,22 @@ impl Guard {
             learnt: Err(status),
             judgement: Judgement::plain(why),
         };
-        let Some(sample) = sample.finish() else {
-            let why = "there are no statistics of four folds, as of snapshots, old files, or fewer \
-                       than four samples, so nothing can be held out";
-            return plain(Status::NoFolds, why);
+        let sample = match sample.finish() {
+            Ok(sample) => sample,
+            Err(status) => {
+                let why = match status {
+                    Status::NoFolds => {
+                        "there are no statistics of four folds, as of snapshots, old files, or fewer \
+                         than four samples, so nothing can be held out"
+                    }
+                    Status::TooShort => {
+                        "there are fewer than four samples, so nothing can be held out"
+                    }
+                    _ => "no estimates are finite",
+                };
+                return plain(status, why);
+            }
         };
-        if sample.counts.contains(&0.0) {
-            let why = "there are fewer than four samples, so nothing can be held out";
-            return plain(Status::TooShort, why);
-        }
-        if sample.pixels.is_empty() {
-            return plain(Status::NotFinite, "no estimates are finite");
-        }
         let views: Vec<View> = (0..=GROUPS)
             .into_par_iter()
             .map(|group| View::new(&sample.means(), &sample.further(), &sample.counts, group, None))

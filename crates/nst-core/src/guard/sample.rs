@@ -4,7 +4,10 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::{FOLDS, FurtherPowers, Power, SequenceBatch, Side, fold_count, random::mix};
+use crate::{
+    Error, FOLDS, FurtherPowers, Power, SequenceBatch, Side, Status, Strips, fold_count,
+    random::mix,
+};
 
 /// The most pixels that weights are fitted to; of batches that have more, at least half as
 /// many are. Their sums are far from noise then.
@@ -95,14 +98,33 @@ impl Sample {
         !self.lacks_folds
     }
 
-    /// The sample of all strips; `None` if they lack a side channel of folds.
-    pub(super) fn finish(mut self) -> Option<Self> {
+    /// Adds all strips.
+    ///
+    /// # Errors
+    /// Those of `strips`.
+    pub(super) fn add_all(&mut self, strips: &mut dyn Strips) -> Result<(), Error> {
+        strips.rewind(0)?;
+        while let Some(strip) = strips.next_strip()?
+            && self.add(&strip)
+        {}
+        Ok(())
+    }
+
+    /// The sample of all strips, or why nothing can be learnt from it: they lack a side channel
+    /// of folds, a fold has no sample, or no pixel is finite.
+    pub(super) fn finish(mut self) -> Result<Self, Status> {
         if self.lacks_folds {
-            return None;
+            return Err(Status::NoFolds);
         }
         self.counts = std::array::from_fn(|fold| fold_count(fold, self.samples));
         self.count_pictures(self.samples);
-        Some(self)
+        if self.counts.contains(&0.0) {
+            return Err(Status::TooShort);
+        }
+        if self.pixels.is_empty() {
+            return Err(Status::NotFinite);
+        }
+        Ok(self)
     }
 
     /// How many lanes it has.
@@ -227,24 +249,17 @@ impl Sample {
 
 /// The side channels of folds of a strip.
 pub(super) fn fold_means(strip: &SequenceBatch) -> Option<FoldMeans<'_>> {
-    let mut found = [[&[][..]; FOLDS]; 3];
-    for (kind, sides) in Side::OF_FOLDS.into_iter().enumerate() {
-        for (fold, side) in sides.iter().enumerate() {
-            found[kind][fold] = strip.side(side)?;
-        }
-    }
-    Some(found)
+    let [Some(means), Some(roots), Some(squares)] =
+        Side::OF_FOLDS.map(|sides| strip.of_folds(sides))
+    else {
+        return None;
+    };
+    Some([means, roots, squares])
 }
 
 /// The power means of those of these powers that a strip has.
 pub(super) fn further_means<'a>(strip: &'a SequenceBatch, powers: &[Power]) -> FurtherMeans<'a> {
-    let of_power = |&power: &Power| {
-        let sides = Side::power_means(power);
-        let [Some(a), Some(b), Some(c), Some(d)] = sides.map(|side| strip.side(&side)) else {
-            return None;
-        };
-        Some((power, [a, b, c, d]))
-    };
+    let of_power = |&power: &Power| Some((power, strip.of_folds(&Side::power_means(power))?));
     powers.iter().filter_map(of_power).collect()
 }
 

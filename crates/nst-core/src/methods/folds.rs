@@ -18,13 +18,6 @@ pub(super) const OF_FOLDS: Requirements = Requirements {
     fits: false,
 };
 
-/// The fold means, each `[lane]`, if all are there.
-pub(super) fn folds(batch: &SequenceBatch) -> Option<[&[f32]; FOLDS]> {
-    let sides = Side::ALL_FOLDS.each_ref().map(|fold| batch.side(fold));
-    let [Some(a), Some(b), Some(c), Some(d)] = sides else { return None };
-    Some([a, b, c, d])
-}
-
 /// A method that maps S_n and the fold means of each lane, by [`map_folds`].
 pub(super) trait OfFolds {
     /// The estimate of a lane.
@@ -70,7 +63,7 @@ pub(super) fn map_folds(
     out: &mut Estimates,
     estimate: impl Fn(f64, [f64; FOLDS]) -> f64 + Sync,
 ) -> Result<(), Error> {
-    let Some(folds) = folds(batch) else {
+    let Some(folds) = batch.of_folds(Side::ALL_FOLDS) else {
         out.fall_back(batch, Status::NoFolds);
         return Ok(());
     };

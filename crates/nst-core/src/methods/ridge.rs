@@ -5,11 +5,11 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::{
-    folds::{CHUNK, OF_FOLDS, folds, judge, sort_by},
+    folds::{CHUNK, OF_FOLDS, judge, sort_by},
     prior_mean::finite_mean,
 };
 use crate::{
-    Error, Estimates, FOLDS, Fitted, Requirements, SequenceBatch, Status, Strips, Transform,
+    Error, Estimates, FOLDS, Fitted, Requirements, SequenceBatch, Side, Status, Strips, Transform,
     cholesky::solve, sum_in_order,
 };
 
@@ -70,7 +70,7 @@ impl Transform for Ridge {
 /// The moments of the two halves of a block of lanes; none if there are no folds.
 fn moments(strip: &SequenceBatch, lanes: &[Range<usize>], unit: f64) -> [Moments; 2] {
     let mut halves = [Moments::default(), Moments::default()];
-    if let Some(folds) = folds(strip) {
+    if let Some(folds) = strip.of_folds(Side::ALL_FOLDS) {
         for lane in lanes.iter().cloned().flatten() {
             let means = folds.map(|fold| f64::from(fold[lane]) / unit);
             halves[strip.half(lane)].add_lane(means);
@@ -87,7 +87,7 @@ struct Corrections {
 
 impl Fitted for Corrections {
     fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
-        let Some(folds) = folds(strip) else {
+        let Some(folds) = strip.of_folds(Side::ALL_FOLDS) else {
             out.fall_back(strip, Status::NoFolds);
             return Ok(());
         };

@@ -257,6 +257,15 @@ impl SequenceBatch {
         self.sides.get(side).map(Vec::as_slice)
     }
 
+    /// The side channels of four folds, if all are there.
+    pub(crate) fn of_folds(&self, sides: &[Side; FOLDS]) -> Option<[&[f32]; FOLDS]> {
+        let [Some(a), Some(b), Some(c), Some(d)] = sides.each_ref().map(|side| self.side(side))
+        else {
+            return None;
+        };
+        Some([a, b, c, d])
+    }
+
     /// All side channels, in the order of [`Side`].
     pub fn sides(&self) -> impl Iterator<Item = (&Side, &[f32])> {
         self.sides.iter().map(|(side, values)| (side, values.as_slice()))

@@ -22,6 +22,7 @@ pub use side::{Extent, FOLDS, Merging, Side, fold_count};
 pub(crate) use strips::sum_in_order;
 pub use strips::{Strips, Whole};
 pub use sums::LaneSums;
+pub(crate) use sums::mean_of_folds;
 
 #[cfg(test)]
 pub(crate) use strips::tests;

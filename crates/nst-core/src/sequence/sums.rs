@@ -109,6 +109,13 @@ fn write_means(
     }
 }
 
+/// The mean over folds with these shares of the samples.
+#[inline(always)]
+pub(crate) fn mean_of_folds(folds: [f32; FOLDS], shares: &[f64; FOLDS]) -> f32 {
+    let [a, b, c, d] = folds.map(f64::from);
+    (shares[0] * a + shares[1] * b + (shares[2] * c + shares[3] * d)) as f32
+}
+
 fn sum([a, b, c, d]: [f64; FOLDS]) -> f64 {
     a + b + c + d
 }
