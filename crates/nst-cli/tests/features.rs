@@ -279,7 +279,7 @@ fn what_has_no_place_for_features_is_refused() {
     bench.refuses(&format!("{resume} plain.exr --features"), &["plain.exr", "no features"]);
     // A sum that contradicts the mean beside it.
     let mut file = sequence(&bench.path("s.exr"));
-    file.features.as_mut().expect("its sums")[7].normal[1] += 1.0;
+    file.features.as_mut().expect("its sums")[7].normal[1][2] += 1.0;
     let mut output = OutputFile::create(&bench.path("wrong.exr")).expect("a file");
     file.write(&mut output).expect("it can be written");
     output.commit().expect("it can be renamed");

@@ -95,8 +95,8 @@ fn features(batch: &mut SequenceBatch) -> Vec<FeatureSums> {
     let of_pixel = |pixel: usize| {
         let value = (pixel / 40) as f64;
         FeatureSums {
-            albedo: [0.1, 0.3, 0.1 * value],
-            normal: [0.7, -value, 0.1],
+            albedo: [[0.1; FOLDS], [0.3, 0.0, 0.1, 0.2], [0.1 * value; FOLDS]],
+            normal: [[0.7; FOLDS], [-value, 0.1, 0.0, 0.3], [0.1; FOLDS]],
             depth: 3.3 * value,
             emission: [[0.0; FOLDS], [value, 1.0 / 3.0, 0.0, value], [1.0; FOLDS]],
         }

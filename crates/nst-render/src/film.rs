@@ -261,17 +261,15 @@ impl TileFilm<'_> {
     ) {
         let Some(features) = &mut self.features else { return };
         let sums = &mut features[pixel];
-        let add = |sums: &mut [f64; 3], values: [f32; 3]| {
-            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += f64::from(value));
+        let fold = index as usize % FOLDS;
+        let add = |sums: &mut [[f64; FOLDS]; 3], values: [f32; 3]| {
+            sums.iter_mut().zip(values).for_each(|(sums, value)| sums[fold] += f64::from(value));
         };
         add(&mut sums.albedo, sample.albedo.to_array());
         add(&mut sums.normal, sample.normal.to_array());
         sums.depth += f64::from(sample.depth);
         if is_finite {
-            let fold = index as usize % FOLDS;
-            for (sums, value) in sums.emission.iter_mut().zip(sample.emission.to_array()) {
-                sums[fold] += f64::from(value);
-            }
+            add(&mut sums.emission, sample.emission.to_array());
         }
     }
 }
@@ -359,6 +357,7 @@ mod tests {
         let feature = |side: Side| whole.side(&side).expect("features are kept")[pixel];
         assert_eq!([feature(Side::Emission), feature(Side::EmissionFold(1))], [0.375, 0.25]);
         assert_eq!([feature(Side::Albedo), feature(Side::Depth)], [0.25, 3.0]);
+        assert_eq!(feature(Side::AlbedoFold(1)), 0.25);
         Ok(())
     }
 
