@@ -40,9 +40,7 @@ fn write(path: &Path) {
         resume: None,
     };
     let mut output = OutputFile::create(path).expect("a file");
-    SequenceFile { info, batch, sums: None, features: None }
-        .write(&mut output)
-        .expect("it can be written");
+    SequenceFile { info, batch, sums: None }.write(&mut output).expect("it can be written");
     output.commit().expect("it can be renamed");
 }
 
@@ -170,9 +168,7 @@ fn power_means_are_merged() {
             resume: None,
         };
         let mut output = OutputFile::create(path).expect("a file");
-        SequenceFile { info, batch, sums: None, features: None }
-            .write(&mut output)
-            .expect("it can be written");
+        SequenceFile { info, batch, sums: None }.write(&mut output).expect("it can be written");
         output.commit().expect("it can be renamed");
     }
     let merged = folder.path().join("merged.exr");

@@ -6,6 +6,7 @@
 
 mod feature_state;
 mod info;
+mod power_state;
 mod reader;
 mod state;
 mod whole;

@@ -8,12 +8,15 @@ use std::{
 
 use exr::prelude::SampleType;
 use ndarray::Array2;
-use nst_core::{FOLDS, FeatureSums, Grid, LaneSums, SequenceBatch, Side, Strips};
+use nst_core::{
+    FOLDS, FurtherPowers, Grid, LaneSums, Power, SampleSums, SequenceBatch, Side, Strips,
+};
 use rayon::prelude::*;
 
 use super::{
     feature_state,
     info::{ResumeInfo, SequenceInfo, VERSION, term_name},
+    power_state,
     state::{self, KnownLanes},
 };
 use crate::{
@@ -23,8 +26,8 @@ use crate::{
     rows::{Attribute, RowReader, Rows},
 };
 
-/// A strip, and the sums of its lanes and of its features if the file contains them.
-type StripWithSums = (SequenceBatch, Option<Vec<LaneSums>>, Option<Vec<FeatureSums>>);
+/// A strip, and its sums if the file contains them.
+type StripWithSums = (SequenceBatch, Option<SampleSums>);
 
 /// Reads a sequence strip by strip, so that it need not fit into memory.
 pub struct SequenceReader {
@@ -34,8 +37,8 @@ pub struct SequenceReader {
     terms: Vec<usize>,
     /// Which are those of the side channels, `[side][channel]`.
     sides: Vec<Vec<usize>>,
-    /// Which are those of the state, `[sum][word][channel]`, and then those of the features'
-    /// state.
+    /// Which are those of the state: `[sum][word][channel]`, and then those of the states of
+    /// features and of further powers.
     state: Vec<usize>,
     /// Rows of a strip, a multiple of 16.
     step: u32,
@@ -81,7 +84,7 @@ impl SequenceReader {
         let model = channels.model();
         // Early files lack some of the sums with which a rendering is continued.
         let has_sums = channels.has_layer("state.square0.hi", model);
-        let resume = header.resume()?.filter(|_| has_sums);
+        let resume = header.resume(channels.powers(model))?.filter(|_| has_sums);
         let terms = channels.terms(model, &sample_counts)?;
         let (names, sides): (Vec<_>, _) =
             channels.sides(model, &sample_counts)?.into_iter().unzip();
@@ -129,14 +132,17 @@ impl SequenceReader {
         let Some((rows, grid)) = self.next_rows()? else { return Ok(None) };
         let batch = self.batch(&rows, grid)?;
         if self.state.is_empty() {
-            return Ok(Some((batch, None, None)));
+            return Ok(Some((batch, None)));
         }
-        let (lanes, features) =
-            self.state.split_at(2 * state::SUMS * self.info.model.channels().len());
-        let sums = sums(&words(&rows, lanes), &batch);
+        let (channels, powers) = (self.info.model.channels().len(), self.info.further_powers());
+        let (lanes, others) = self.state.split_at(2 * state::SUMS * channels);
+        let of_powers = 2 * FOLDS * powers.count() * channels;
+        let (features, of_powers) = others.split_at(others.len() - of_powers);
+        let lanes = sums(&words(&rows, lanes), &batch);
         let features =
             (!features.is_empty()).then(|| feature_state::joined(&batch, &words(&rows, features)));
-        Ok(Some((batch, Some(sums), features)))
+        let powers = power_state::joined(&batch, powers, &words(&rows, of_powers))?;
+        Ok(Some((batch, Some(SampleSums { lanes, features, powers }))))
     }
 
     /// Reads the rows of the next strip, and those of its halo.
@@ -216,12 +222,14 @@ fn check_resumable(info: &SequenceInfo) -> Result<(), String> {
     let n = info.samples();
     let folds = Side::EVERY_OF_FOLDS.iter().filter(|_| n as usize >= FOLDS);
     let features = info.has_features().then(|| Side::of_features(n)).into_iter().flatten();
+    let powers = resume.powers.sides().filter(|_| n as usize >= FOLDS);
     if info.has_features() && info.model != ColorModel::Rgb {
         return Err("it has features ('albedo' …) and a state, but not the channels R, G and B; \
                     without attribute 'nst.keep' it is a sequence that cannot be continued"
             .into());
     }
-    if let Some(side) = folds.chain(features).find(|&side| !info.sides.contains(side)) {
+    let mut needed = folds.chain(features).cloned().chain(powers);
+    if let Some(side) = needed.find(|side| !info.sides.contains(side)) {
         return Err(format!(
             "layer '{side}' is missing, without which its state cannot be read; without \
              attribute 'nst.keep' it is a sequence that cannot be continued"
@@ -256,6 +264,13 @@ impl<'a> Channels<'a> {
     fn has_layer(&self, layer: &str, model: ColorModel) -> bool {
         let mut names = model.channels().iter().map(|channel| channel_name(layer, channel));
         names.all(|name| self.by_name.contains_key(&name))
+    }
+
+    /// The further powers whose sums a state has.
+    fn powers(&self, model: ColorModel) -> FurtherPowers {
+        let has_layer = |layer: &str| self.has_layer(layer, model);
+        let powers = Power::all().filter(|&power| power_state::is_of(power, has_layer));
+        FurtherPowers::of(&powers.collect::<Vec<_>>())
     }
 
     fn find(&self, name: &str, kind: SampleType) -> Result<usize, Error> {
@@ -379,7 +394,7 @@ impl Header<'_> {
         Ok(())
     }
 
-    fn resume(&self) -> Result<Option<ResumeInfo>, Error> {
+    fn resume(&self, powers: FurtherPowers) -> Result<Option<ResumeInfo>, Error> {
         let Some(keep) = self.optional("nst.keep")? else { return Ok(None) };
         let keep = keep
             .parse()
@@ -397,6 +412,7 @@ impl Header<'_> {
                     return Err(Error::malformed(self.path, message));
                 }
             },
+            powers,
         }))
     }
 }

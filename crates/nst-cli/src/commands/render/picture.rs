@@ -209,15 +209,15 @@ impl Job<'_> {
                 pixel_filter: scene.pixel_filter.to_string(),
                 max_depth: scene.max_depth,
                 russian_roulette: scene.russian_roulette,
+                powers: settings.powers,
             }),
         };
         let mut writer = SequenceWriter::create(&mut output, &info)?;
         let mut strips = rendering.strips();
         while let Some(strip) = strips.next_rows() {
             let rows = rows(&strip);
-            let rows = rows.start as u32..rows.end as u32;
-            let (sums, features) = (rendering.sums(rows.clone()), rendering.feature_sums(rows));
-            writer.push_with_features(&strip, Some(&sums), features.as_deref())?;
+            let sums = rendering.sums(rows.start as u32..rows.end as u32);
+            writer.push(&strip, Some(&sums))?;
         }
         writer.finish()?;
         let path = output.path().display().to_string();

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nst_core::{FurtherPowers, Keep};
+use nst_core::Keep;
 use nst_files::sequence_file::{ResumeInfo, SequenceFile, SequenceInfo, SequenceReader};
 use nst_render::{RenderSettings, SamplerKind, Scene};
 
@@ -71,14 +71,12 @@ impl Resumed {
             "render again from the start with this network, or use --transform none",
         )?;
         let (sampler, seed) = (self.sampler, self.seed);
-        // Sums of further powers are not stored, so they cannot go on.
-        let powers = FurtherPowers::NONE;
         Ok(RenderSettings {
             spp: args.spp,
             sampler,
             seed,
             keep: self.how.keep,
-            powers,
+            powers: self.how.powers,
             features: self.info.has_features(),
         })
     }
@@ -154,18 +152,13 @@ impl Resumed {
     pub(crate) fn read(self) -> Result<Start, Error> {
         let file = SequenceFile::read_to_resume(&self.path)?;
         let (samples, seconds) = (file.info.samples(), file.info.render_seconds);
-        let features = file.features;
         let Some(sums) = file.sums.filter(|_| file.info == self.info) else {
             return Err(Error::Usage(format!(
                 "--resume '{}': it has just changed",
                 self.path.display()
             )));
         };
-        Ok(Start {
-            from: nst_render::Start { batch: file.batch, sums, features },
-            samples,
-            seconds,
-        })
+        Ok(Start { from: nst_render::Start { batch: file.batch, sums }, samples, seconds })
     }
 }
 
