@@ -129,3 +129,97 @@ pub(super) fn contradiction(batch: &SequenceBatch, sums: &PowerSums) -> Option<u
     };
     (0..lanes).into_par_iter().find_first(|&lane| !agrees(lane))
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Sums of all further powers of n samples of a lane, and the means that a file has of them.
+    fn sums(samples: &[f64]) -> (SequenceBatch, PowerSums) {
+        let powers: Vec<Power> = Power::all().collect();
+        let mut sums = PowerSums::new(&powers, 1);
+        (0..).zip(samples).for_each(|(index, &y)| sums.add(0, index, y));
+        let n = samples.len() as u32;
+        let mut batch = SequenceBatch::from_last(&[1.0], n).expect("a lane");
+        batch.set_power_sums(&sums, n).expect("sums of the lane");
+        (batch, sums)
+    }
+
+    fn with(sums: &PowerSums, i: usize, change: impl Fn(f64) -> f64) -> PowerSums {
+        let mut changed = sums.sums().to_vec();
+        let sum = &mut changed[i / FOLDS][i % FOLDS];
+        *sum = change(*sum);
+        PowerSums::from_sums(sums.powers(), changed).expect("as many")
+    }
+
+    #[test]
+    fn sums_that_contradict_the_file_are_seen() {
+        let usual: Vec<f64> = (0..16).map(|i| f64::from(i % 5) + 0.1).collect();
+        // The power 16 of such samples is beyond f32; of so few that are not black, the mean for
+        // the power 1/16 is below it.
+        let bright = [1e6; 8];
+        let mut dark = vec![0.0; 2000];
+        dark[..4].fill(1e-3);
+        for (samples, are_known) in [(&usual[..], true), (&bright, true), (&dark, false)] {
+            let (batch, sums) = sums(samples);
+            assert_eq!(contradiction(&batch, &sums), None);
+            for i in 0..sums.sums().len() * FOLDS {
+                // As after a copy by a program that stores integers as 32-bit floats.
+                let lossy = |x: f64| f64::from_bits((x.to_bits() & !0 << 9) + (1 << 32));
+                assert_eq!(contradiction(&batch, &with(&sums, i, lossy)), None, "sum {i}");
+                let negative = with(&sums, i, |sum| -sum);
+                assert_eq!(contradiction(&batch, &negative), Some(0), "sum {i}");
+                for factor in [1.001, f64::NAN] {
+                    let wrong = with(&sums, i, |sum| factor * sum);
+                    let found = contradiction(&batch, &wrong);
+                    // Nothing is known of the sum where the mean is 0 in f32.
+                    assert!(found == Some(0) || !are_known && factor > 0.0, "sum {i}");
+                }
+            }
+        }
+        let (few, sums) = sums(&[1.0, 2.0, 3.0]);
+        assert_eq!(contradiction(&few, &with(&sums, 1, |sum| 2.0 * sum)), None, "it has no means");
+    }
+
+    proptest! {
+        /// Whatever the bits are, and whatever the file says beside them.
+        #[test]
+        fn no_bit_is_lost(
+            n in 1..u32::MAX,
+            bits in prop::collection::vec(any::<u64>(), 2 * FOLDS * 6),
+            known in prop::collection::vec(prop::option::of(any::<u32>()), FOLDS),
+        ) {
+            let powers = FurtherPowers::of(&[Power::of_value(0.25), Power::of_value(16.0)].map(|it| it.expect("a power of two")));
+            let mut batch = SequenceBatch::from_last(&[1.0; 6], n).expect("six lanes");
+            for (known, side) in known.iter().zip(powers.sides()) {
+                if let Some(bits) = known {
+                    batch.set_side(side, vec![f32::from_bits(*bits); 6]).expect("six lanes");
+                }
+            }
+            let sums: Vec<[f64; FOLDS]> =
+                bits.as_chunks().0.iter().map(|bits| bits.map(f64::from_bits)).collect();
+            let sums = PowerSums::from_sums(powers, sums).expect("of six lanes");
+            // Three channels of two pixels, one after the other.
+            let parts = [0..1, 1..2].map(|part| words(&batch, &sums, 2, &part));
+            let planes = parts[0].iter().zip(&parts[1]);
+            let planes: Vec<u32> = planes.flat_map(|(a, b)| [a[0], b[0]]).collect();
+            let again = joined(&batch, powers, &planes).expect("of six lanes");
+            let bits_of = |sums: &PowerSums| -> Vec<u64> {
+                sums.sums().iter().flatten().map(|sum| sum.to_bits()).collect()
+            };
+            prop_assert_eq!(bits_of(&again), bits);
+        }
+
+        /// A mean is rounded by 2⁻²⁴, so that its power 16 is wrong by 2⁻²⁰ at most, a unit or two
+        /// of an upper word.
+        #[test]
+        fn upper_words_are_predicted(samples in prop::collection::vec(0.0..100.0_f64, 8..40)) {
+            let (batch, sums) = sums(&samples);
+            for words in words(&batch, &sums, 1, &(0..1)).chunks(2) {
+                prop_assert!(words[0][0].wrapping_add(3) <= 6, "{}", words[0][0]);
+            }
+        }
+    }
+}
