@@ -63,6 +63,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     let of_sums = Side::of_sums(settings.spp).cloned();
     let sides: Vec<Side> = of_sums.chain(settings.powers.sides()).collect();
     let lacking = method.check_statistics(&sides)?;
+    let lost = resumed.as_ref().and_then(Resumed::loss);
     // Opened before rendering, so that a path that cannot be written fails early.
     let files = Files::open(&job, resumed.as_ref())?;
 
@@ -72,7 +73,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     if let Some(start) = &start {
         say(&format!("resumed    from {} spp", start.samples), &args.common);
     }
-    let notes = lacking.into_iter().chain(method.note(args.method.backend)).collect();
+    let notes = lacking.into_iter().chain(lost).chain(method.note(args.method.backend)).collect();
     job.render(watch, method, &settings, files, start, notes)
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nst_core::Keep;
+use nst_core::{Keep, Power, Side};
 use nst_files::sequence_file::{ResumeInfo, SequenceFile, SequenceInfo, SequenceReader};
 use nst_render::{RenderSettings, SamplerKind, Scene};
 
@@ -146,6 +146,25 @@ impl Resumed {
             return Err(self.refuse(why));
         }
         Ok(())
+    }
+
+    /// What the longer sequence will lack of this one, if anything: power means that came
+    /// without their sums.
+    pub(crate) fn loss(&self) -> Option<String> {
+        let goes_on = |power: Power| self.how.powers.iter().any(|kept| kept == power);
+        let lost = self.info.sides.iter().filter_map(|side| match *side {
+            Side::PowerMean(power, 0) if !goes_on(power) => Some(power.to_string()),
+            _ => None,
+        });
+        let lost: Vec<String> = lost.collect();
+        (!lost.is_empty()).then(|| {
+            format!(
+                "the longer sequence has no means of the samples to the power {}: '{}' has them \
+                 without their sums, as files of early versions",
+                lost.join(", "),
+                self.path.display()
+            )
+        })
     }
 
     /// Reads the whole file.
