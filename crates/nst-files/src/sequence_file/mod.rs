@@ -4,6 +4,7 @@
 //! `Variance` and `Skipped` are the side channels; `state.…` is what a rendering is
 //! continued from.
 
+mod channels;
 mod feature_state;
 mod info;
 mod power_state;
