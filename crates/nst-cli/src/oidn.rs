@@ -50,6 +50,10 @@ impl PictureExpert for Oidn {
         Support::Picture
     }
 
+    fn estimates_emission(&self) -> bool {
+        std::env::var("OE").is_ok()
+    }
+
     fn estimate(&self, seen: &SeenPicture<'_>, out: &mut [f32]) -> Result<(), CoreError> {
         let (width, height, pixels) = (seen.grid.width(), seen.grid.rows(), seen.grid.pixels());
         // A radiance that is not finite is not denoised, but looks dark to its neighbours.
