@@ -51,7 +51,7 @@ impl PictureExpert for Oidn {
     }
 
     fn estimates_emission(&self) -> bool {
-        std::env::var("OE").is_ok()
+        true
     }
 
     fn estimate(&self, seen: &SeenPicture<'_>, out: &mut [f32]) -> Result<(), CoreError> {

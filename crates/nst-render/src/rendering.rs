@@ -199,7 +199,9 @@ mod tests {
             assert!(again.sides().eq(whole.sides().filter(of_sums)), "{keep}");
             assert!(whole.sides().map(|(side, _)| side).eq(&rendering.sides()));
             let of_pixels = sums.features.expect("features were asked for");
-            let y = of_pixels.iter().map(|pixel| (pixel.normal[1] / f64::from(spp)) as f32);
+            let y = of_pixels
+                .iter()
+                .map(|pixel| (pixel.normal[1].iter().sum::<f64>() / f64::from(spp)) as f32);
             let normals = whole.side(&Side::Normal).expect("normals");
             assert!(y.eq(normals[37 * 50..2 * 37 * 50].iter().copied()), "{keep}");
 

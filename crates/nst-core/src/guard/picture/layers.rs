@@ -11,7 +11,7 @@ use super::{
     },
     seen::SeenFeature,
 };
-use crate::{FOLDS, Grid, SequenceBatch, Side, root};
+use crate::{FOLDS, Grid, SequenceBatch, Side};
 
 /// What is read of a strip.
 pub(super) struct Strip<'a> {
@@ -26,7 +26,7 @@ pub(super) struct Strip<'a> {
 
 /// A part of the radiance, over all folds but one group.
 pub(super) struct Layer {
-    /// How many draws the means are over.
+    /// How many samples of each lane.
     pub(super) samples: f64,
     /// `[lane]`
     pub(super) mean: Vec<f32>,
@@ -80,7 +80,7 @@ impl<'a> Strip<'a> {
             means: fold_means(batch)?,
             albedo,
             normal,
-            emission: emission.filter(|_| std::env::var("NOE").is_err()),
+            emission,
         })
     }
 
@@ -93,7 +93,8 @@ impl<'a> Strip<'a> {
             _ => weighted(&self.means[0], &shares),
         };
         let mut root = weighted(&self.means[1], &shares);
-        let emitted = self.emission.map(|folds| emitted(&folds, &shares));
+        let emitted = self.emission.map(|folds| weighted(&folds, &shares));
+        let emitted = emitted.map(|mean| Layer { samples, root: vec![f32::NAN; mean.len()], mean });
         if let Some(emitted) = &emitted {
             subtract(self.grid, emitted, &mut mean, &mut root);
         }
@@ -127,18 +128,6 @@ impl Strip<'_> {
         let variances: Vec<f32> = lanes.map(|(square, s)| (square - s * s).max(0.0)).collect();
         self.grid.inner(&variances).into_owned()
     }
-}
-
-/// The emission. Roots of its samples are not known, so that its draws are the folds.
-fn emitted(folds: &[&[f32]; FOLDS], shares: &[f64; FOLDS]) -> Layer {
-    let mean = weighted(folds, shares);
-    let of_lane = |lane: usize| {
-        let folds = folds.iter().zip(shares).filter(|(_, share)| **share > 0.0);
-        folds.map(|(fold, share)| share * root(f64::from(fold[lane]))).sum::<f64>() as f32
-    };
-    let root = (0..mean.len()).into_par_iter().map(of_lane).collect();
-    let samples = shares.iter().filter(|share| **share > 0.0).count() as f64;
-    Layer { samples, mean, root }
 }
 
 /// Takes the emission out of means. Where there is any, roots of the rest are not known.

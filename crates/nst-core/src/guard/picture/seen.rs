@@ -12,11 +12,11 @@ use crate::{
 pub struct SeenPicture<'a> {
     /// Where the lanes lie. Experts read its halo, too, and estimate its inner rows.
     pub grid: &'a Grid,
-    /// How many independent draws of each lane the means are over.
+    /// How many samples of each lane.
     pub samples: f64,
     /// The mean of |S| over all lanes of the picture. Above 0.
     pub unit: f64,
-    /// The mean of the draws, `[lane]`: the plain estimate.
+    /// The mean of the samples, `[lane]`: the plain estimate.
     pub mean: &'a [f32],
     /// The mean of their [roots](crate::root), `[lane]`; NaN where it is not known.
     pub root: &'a [f32],
@@ -46,7 +46,7 @@ pub trait PictureExpert: Send + Sync {
     /// How far it looks.
     fn support(&self) -> Support;
 
-    /// Whether it can say something of directly seen emission, too, whose draws are few.
+    /// Whether it estimates directly seen emission, too, whose roots are not known.
     fn estimates_emission(&self) -> bool {
         false
     }
@@ -70,10 +70,6 @@ impl PictureExpert for WelchFilter {
 
     fn support(&self) -> Support {
         Support::Radius(REACH)
-    }
-
-    fn estimates_emission(&self) -> bool {
-        true
     }
 
     fn estimate(&self, seen: &SeenPicture<'_>, out: &mut [f32]) -> Result<(), Error> {

@@ -3,10 +3,7 @@
 use rayon::prelude::*;
 
 use super::{
-    super::{
-        hats::Place,
-        sample::{GROUPS, SHARE},
-    },
+    super::hats::Place,
     cells::{Cells, Division, HALVES, KNOTS, Sums},
     simplex::{MOST, Moments},
 };
@@ -26,10 +23,6 @@ const REACH: f64 = 3.0;
 
 /// The least variance of T in a cell, relative to that of S: what sums say below is noise.
 const LEAST_ERROR: f64 = 0.05;
-
-/// What the sum over groups of a change without one group is multiplied by: its mean, relative
-/// to the variance of S, is that of the change with all folds.
-const OF_S: f64 = SHARE / GROUPS as f64;
 
 /// Pixels in a row of a block, whose changes count as one draw: experts err alike in neighbours.
 const BLOCK: usize = 16;
@@ -73,7 +66,7 @@ fn gaussian(sigma: f64) -> Vec<f64> {
 
 impl Weights {
     /// Fits weights of the first `count` experts to what one half says, and judges them by the
-    /// other.
+    /// other. Where that says that they lose, S stays.
     pub(super) fn fit(cells: &Cells, count: usize) -> (Self, Gain) {
         let division = cells.division;
         let of_all = of_all(cells, count);
@@ -86,6 +79,9 @@ impl Weights {
             })
             .collect();
         let gain = Gain::new(&rows, division);
+        if gain.blocks.iter().map(|block| block[0]).sum::<f64>() > 0.0 {
+            return Self::fit(cells, 0);
+        }
         let (mut weights, mut errors) = (Vec::new(), Vec::new());
         for row in rows {
             weights.extend(row.weights);
