@@ -5,6 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::{
+    CORRECTIONS,
     hats::{Place, grid_cells},
     sample::{SHARE, Sample},
     simplex::{MOST, Moments, best_weights, certainty},
@@ -43,6 +44,8 @@ pub(super) struct Changes<'a> {
 #[derive(Clone, Debug)]
 pub(super) struct Weights {
     strata: [[[f64; MOST]; STRATA]; 2],
+    /// What is left of E[d (I − S)] of each expert with all folds, of that without one.
+    pub(super) shares: [f64; MOST],
 }
 
 /// Sums of a stratum.
@@ -106,8 +109,9 @@ impl Weights {
             strata.for_each(|(sum, part)| sum.add(part, 1.0, 1.0));
         }
         let shrinkage = changes.shrinkage();
-        let strata = total.map(|half| weights(&smoothed(&half), &shrinkage));
-        Self { strata }
+        let shares = shares(&shrinkage);
+        let strata = total.map(|half| weights(&smoothed(&half), &shrinkage, &shares));
+        Self { strata, shares }
     }
 
     /// The weights of a lane whose pixel is in this half, learnt from the other.
@@ -250,19 +254,37 @@ pub(super) fn shared<T: Copy + Default>(
     along(&along(strata, COLUMNS, ROWS), 1, COLUMNS)
 }
 
+/// What is left of E[d (I − S)] with all folds, of that without one, by how much changes shrink.
+///
+/// Where the errors of S + d do not depend on those of S, it is S's variance V: ¾ of it is left.
+/// But with few samples, the best T is mostly what it knows of such integrals; its error has no
+/// correlation with anything known, E[(I − T) d] = 0, so that E[d (I − S)] = E[d²] = V − E[(I − T)²]
+/// falls by more than V does. So an expert has the less of ¾ and of what is left of its d²; not the
+/// corrections, which change little: where bright samples are rare, that is noise.
+fn shares(shrinkage: &[f64]) -> [f64; MOST] {
+    let mut shares = [SHARE; MOST];
+    let of_experts = shares.iter_mut().zip(shrinkage).skip(CORRECTIONS.len());
+    of_experts.for_each(|(share, shrinkage)| *share = share.min(shrinkage * shrinkage));
+    shares
+}
+
 /// The best weights of each stratum, drawn towards 0 by as much of the gain as may be noise.
-fn weights(strata: &[Stratum; STRATA], shrinkage: &[f64]) -> [[f64; MOST]; STRATA] {
+fn weights(
+    strata: &[Stratum; STRATA],
+    shrinkage: &[f64],
+    shares: &[f64; MOST],
+) -> [[f64; MOST]; STRATA] {
     let count = shrinkage.len();
     strata.map(|Stratum { mut moments, mut noise, variance }| {
         // What all samples lack is less than what those without a group lack, and so is what
         // the experts change.
-        moments.b.iter_mut().for_each(|b| *b *= SHARE);
+        moments.b.iter_mut().zip(shares).for_each(|(b, share)| *b *= share);
         for i in 0..count {
             for j in 0..count {
                 moments.a[i][j] *= shrinkage[i] * shrinkage[j];
+                noise[i][j] *= shares[i] * shares[j];
             }
         }
-        noise.iter_mut().flatten().for_each(|noise| *noise *= SHARE * SHARE);
         let variance = SHARE * variance;
         let w = best_weights(&moments, &noise, count);
         let gain: f64 = (0..count).map(|i| w[i] * moments.b[i]).sum();
