@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::{
-    sample::GROUPS,
+    sample::{GROUPS, dispersion},
     simplex::MOST,
     weights::{Changes, STRATA, Strata, Weights, cells, shared},
 };
@@ -93,15 +93,6 @@ pub(super) fn interval(draws: &[[f64; 2]], samples: f64, trusted: bool) -> (f64,
     let ratio = (1.0 + gain).max(0.0);
     let half = if trusted { ERRORS * error + CONSTANT + FEW_SAMPLES / samples } else { 0.0 };
     (ratio, [(ratio - half).max(0.0), ratio + half])
-}
-
-/// What the squares of h_j − S_j are weighed by, so that their sum estimates the variance of S
-/// without bias: with the share p of the samples in fold j they have the expectation
-/// V/(p (1 − p)), if the variance of a fold's mean is in proportion to 1/p. Folds of a lane differ
-/// by one sample at most, so that this is near enough for those whose variance falls faster.
-pub(super) fn dispersion(counts: &[f64; GROUPS]) -> [f64; GROUPS] {
-    let samples: f64 = counts.iter().sum();
-    counts.map(|count| count / samples * (1.0 - count / samples) / GROUPS as f64)
 }
 
 /// What is judged of some pixels.

@@ -403,7 +403,7 @@ fn predicts_its_gain() {
 fn folds_of_any_size_say_how_s_varies() {
     for n in [4, 5, 6, 7, 8] {
         let counts: [f64; FOLDS] = std::array::from_fn(|fold| fold_count(fold, n));
-        let weights = judge::dispersion(&counts);
+        let weights = sample::dispersion(&counts);
         let mut random = SplitMix64::of_stream(5, n.into());
         let (mut sum, lanes) = (0.0, 20_000);
         for _ in 0..lanes {

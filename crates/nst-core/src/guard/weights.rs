@@ -5,10 +5,8 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::{
-    CORRECTIONS,
     hats::{Place, grid_cells},
-    judge::dispersion,
-    sample::{GROUPS, SHARE, Sample},
+    sample::{GROUPS, SHARE, Sample, dispersion},
     simplex::{MOST, Moments, best_weights, certainty},
     view::{BRIGHTNESS, Lanes, UNCERTAINTY},
 };
@@ -17,6 +15,9 @@ const COLUMNS: usize = UNCERTAINTY.knots();
 const ROWS: usize = BRIGHTNESS.knots();
 pub(super) const STRATA: usize = ROWS * COLUMNS;
 const _: () = assert!(STRATA <= u64::BITS as usize, "sets of strata are in one number");
+
+/// What the guard calls the experts that learn from the batch itself; they come before others.
+pub(super) const CORRECTIONS: [&str; 3] = ["relative regression", "regression", "table"];
 
 /// How many variances of the noise are taken off a gain.
 const CAUTION: f64 = 4.0;
