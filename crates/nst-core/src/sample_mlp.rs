@@ -19,8 +19,8 @@ const CHUNK: usize = 1 << 18;
 
 /// A [`SampleNetwork`] as an [`Expert`] of the [guard](crate::guard::Guard).
 ///
-/// A lane's bits do not depend on the lanes beside it. Lanes of which all samples were 0, or
-/// where a number is not finite, get the plain estimate.
+/// A lane's bits do not depend on the lanes beside it. Lanes where a number is not finite get the
+/// plain estimate.
 #[derive(Debug)]
 pub struct SampleMlp {
     name: String,
@@ -133,8 +133,7 @@ impl Expert for SampleMlp {
                 let plain = seen.mean[lane];
                 let change = self.network.scale(plain.into(), seen.unit) * f64::from(*out);
                 let estimate = (f64::from(plain) + change) as f32;
-                let kept = is_black(seen, lane) || !estimate.is_finite();
-                *out = if kept { plain } else { estimate };
+                *out = if estimate.is_finite() { estimate } else { plain };
             }
         }
         Ok(())
@@ -157,18 +156,12 @@ impl Features for SampleMlp {
             let rows = out.chunks_exact_mut(width).zip(hidden.chunks_exact(width - 1));
             for (lane, (row, hidden)) in (first..).zip(rows) {
                 let scale = self.network.scale(seen.mean[lane].into(), seen.unit) as f32;
-                let scale = if is_black(seen, lane) { 0.0 } else { scale };
                 let features = hidden.iter().chain(&[1.0]);
                 row.iter_mut().zip(features).for_each(|(x, feature)| *x = scale * feature);
             }
         }
         Ok(())
     }
-}
-
-/// Whether all samples of a lane were 0.
-fn is_black(seen: &Seen<'_>, lane: usize) -> bool {
-    [seen.mean[lane], seen.root[lane], seen.square[lane]] == [0.0; 3]
 }
 
 /// The means of a power of the samples, `[lane]`.

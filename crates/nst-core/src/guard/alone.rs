@@ -13,7 +13,8 @@ use crate::{
 };
 
 /// Estimates as an [`Expert`] makes them of all samples. Nothing measures whether they are better
-/// than the plain ones: where that is not known, a [`Guard`](super::Guard) is for it.
+/// than the plain ones: where that is not known, a [`Guard`](super::Guard) is for it. Lanes of which
+/// all samples were 0 keep that, as most such lanes of pictures see no light at all.
 pub struct Alone<E> {
     expert: E,
 }
@@ -102,9 +103,13 @@ impl<E: Expert> FittedAlone<'_, E> {
         status: &mut [Status],
     ) -> Result<(), Error> {
         view.mean.copy_from_slice(last);
-        self.expert.estimate(&view.seen(), values)?;
-        for ((value, status), &plain) in values.iter_mut().zip(status).zip(last) {
-            if !value.is_finite() {
+        let seen = view.seen();
+        self.expert.estimate(&seen, values)?;
+        for (lane, ((value, status), &plain)) in values.iter_mut().zip(status).zip(last).enumerate()
+        {
+            if [plain, seen.root[lane], seen.square[lane]] == [0.0; 3] {
+                *value = plain;
+            } else if !value.is_finite() {
                 (*value, *status) = (plain, Status::NotFinite);
             }
         }

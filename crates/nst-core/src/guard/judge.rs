@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::{
-    sample::{GROUPS, SHARE},
+    sample::{GROUPS, dispersion},
     simplex::MOST,
     weights::{Changes, STRATA, Strata, Weights, cells, shared},
 };
@@ -60,8 +60,7 @@ const RATIOS: [f64; 2] = [0.05, 1.2];
 ///
 /// With the change d of a lane by its weights, δ = d² − 2 d (I − S) is what changes of its
 /// squared error. Where fold j is held out, d_j (h_j − S_j) has the expectation of d_j (I − S_j),
-/// which is taken to be larger than that of d (I − S) in proportion to the variances of S_j and
-/// S.
+/// of which an expert's [share](Weights::shares) is left with all folds.
 ///
 /// The variance of S follows from that of the folds' means, which are independent of each other
 /// even where the samples of one fold are not.
@@ -94,15 +93,6 @@ pub(super) fn interval(draws: &[[f64; 2]], samples: f64, trusted: bool) -> (f64,
     let ratio = (1.0 + gain).max(0.0);
     let half = if trusted { ERRORS * error + CONSTANT + FEW_SAMPLES / samples } else { 0.0 };
     (ratio, [(ratio - half).max(0.0), ratio + half])
-}
-
-/// What the squares of h_j − S_j are weighed by, so that their sum estimates the variance of S
-/// without bias: with the share p of the samples in fold j they have the expectation
-/// V/(p (1 − p)), if the variance of a fold's mean is in proportion to 1/p. Folds of a lane differ
-/// by one sample at most, so that this is near enough for those whose variance falls faster.
-pub(super) fn dispersion(counts: &[f64; GROUPS]) -> [f64; GROUPS] {
-    let samples: f64 = counts.iter().sum();
-    counts.map(|count| count / samples * (1.0 - count / samples) / GROUPS as f64)
 }
 
 /// What is judged of some pixels.
@@ -148,19 +138,21 @@ impl Judged {
         half: usize,
     ) -> [f64; 2] {
         let all_folds = changes.missing.len();
-        let blend = |group: usize| {
+        let weighted = |group: usize| {
             let w = weights.at(changes.strata[group][lane], half);
             let d = changes.of_lane(group, lane);
-            (d.iter().zip(w).map(|(d, w)| d * w).sum::<f64>(), w)
+            (std::array::from_fn::<f64, MOST, _>(|expert| w[expert] * d[expert]), w)
         };
         let [mut product, mut variance] = [0.0; 2];
         for (group, missing) in changes.missing.iter().enumerate() {
             let missing = f64::from(missing[lane]);
-            product += blend(group).0 * missing / GROUPS as f64;
+            let of_experts = weighted(group).0.into_iter().zip(&weights.shares);
+            product += of_experts.map(|(d, share)| share * d).sum::<f64>() * missing;
             variance += dispersion[group] * missing * missing;
         }
-        let (d, w) = blend(all_folds);
-        let change = d * d - 2.0 * SHARE * product;
+        let (of_experts, w) = weighted(all_folds);
+        let d: f64 = of_experts.iter().sum();
+        let change = d * d - 2.0 * product / GROUPS as f64;
         let of_samples = f64::from(changes.views[all_folds].variance[lane]);
         self.trust.iter_mut().zip(w).for_each(|(trust, w)| *trust += w);
         for (stratum, share) in cells(changes.strata[all_folds][lane]) {

@@ -49,15 +49,12 @@ pub use seen::{Expert, Features, OfTransform, Seen};
 use simplex::MOST;
 use table::Table;
 use view::{Lanes, View, weighted};
-use weights::{Changes, Weights, strata};
+use weights::{CORRECTIONS, Changes, Weights, strata};
 
 use crate::{
     Error, Estimates, FOLDS, Fit, Fitted, FurtherPowers, Grid, Power, Requirements, SequenceBatch,
     Status, Strips, Transform,
 };
-
-/// What the guard calls the experts that learn from the batch itself.
-const CORRECTIONS: [&str; 3] = ["relative regression", "regression", "table"];
 
 /// Blends the plain estimate with experts as far as samples that were held out support it.
 /// Three more experts, two regressions and a table of corrections, are learnt from the batch

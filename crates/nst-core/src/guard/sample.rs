@@ -277,6 +277,15 @@ pub(super) fn part_of<'a>(further: &FurtherMeans<'a>, lanes: &Range<usize>) -> F
     part
 }
 
+/// What the squares of h_j − S_j are weighed by, so that their sum estimates the variance of S
+/// without bias: with the share p of the samples in fold j they have the expectation
+/// V/(p (1 − p)), if the variance of a fold's mean is in proportion to 1/p. Folds of a lane differ
+/// by one sample at most, so that this is near enough for those whose variance falls faster.
+pub(super) fn dispersion(counts: &[f64; GROUPS]) -> [f64; GROUPS] {
+    let samples: f64 = counts.iter().sum();
+    counts.map(|count| count / samples * (1.0 - count / samples) / GROUPS as f64)
+}
+
 /// The shares of the folds in the mean without a group; of all, if there is no such group.
 pub(super) fn shares_without(counts: &[f64; FOLDS], group: usize) -> [f64; FOLDS] {
     let kept = |fold: usize| if fold == group { 0.0 } else { counts[fold] };

@@ -44,6 +44,16 @@ fn scaled_gaussian(a: f64, b: f64, u: f64) -> f64 {
     4.0_f64.powi((3.0 * (7.0 * a).fract()) as i32 - 1) * gaussian(a, b, u)
 }
 
+/// A Gaussian left of ½, and 0 beyond: at 8 samples, one of 256 lanes is black.
+fn gaussian_step(a: f64, b: f64, u: f64) -> f64 {
+    if u < 0.5 { gaussian(a, b, u) } else { 0.0 }
+}
+
+/// A third of the lanes are black, as a picture's background is, and others seem to be.
+fn partly_hidden(a: f64, b: f64, u: f64) -> f64 {
+    if u < 0.3 * (a - 1.0 / 3.0) { 1.0 + b } else { 0.0 }
+}
+
 const INTEGRANDS: [Integrand; 3] = [visibility, smooth, fireflies];
 
 impl Lanes {
@@ -167,13 +177,51 @@ fn networks_that_see_samples() {
         ratios
     });
     // 5 % above what is measured.
-    for (case, most) in [(0, 0.048), (1, 0.061)] {
+    for (case, most) in [(0, 0.048), (1, 0.0645)] {
         let [_, with_network, refitted] = ratios[case];
         assert!(with_network < most && refitted < most, "{:?}", ratios[case]);
     }
     for case in [2, 3, 4, 6] {
         let [_, with_network, refitted] = ratios[case];
         assert!(refitted < 0.9 * with_network, "case {case}: {:?}", ratios[case]);
+    }
+}
+
+/// The four networks of the families of integrals.
+fn of_families() -> Guard {
+    let names = ["families-samples", "gaussian-samples", "step-samples", "gaussian-step-samples"];
+    let expert = |name: &&str| -> Box<dyn Expert> {
+        let network = of_samples(name);
+        Box::new(if *name == names[0] { network.with_refit() } else { network })
+    };
+    Guard::new(names.iter().map(expert).collect()).expect("four experts, one of them refitted")
+}
+
+/// At 8 samples, the guard tells the best network from those that know less of such integrals,
+/// although without a fold these gain nearly as much.
+#[test]
+fn the_best_network_is_found_at_few_samples() {
+    // 5 % above what is measured.
+    for (integrand, most) in [(gaussian as Integrand, 0.0468), (gaussian_step, 0.0331)] {
+        for seed in [1, 2, 3] {
+            let (ratio, judgement) = Lanes::new(integrand, 9000, 8, seed).ratio(&of_families());
+            assert!(ratio < most, "{seed}: {ratio} {judgement:?}");
+            // It does not promise more than it keeps.
+            assert!(judgement.ratio > 0.9 * ratio, "{seed}: {ratio} {judgement:?}");
+        }
+    }
+}
+
+/// What seems to be black gains from experts, beside what is black.
+#[test]
+fn black_lanes_may_change() {
+    for (n, most) in [(8, 0.85), (32, 0.97)] {
+        for seed in [1, 2, 3] {
+            let lanes = Lanes::new(partly_hidden, 9000, n, seed);
+            let [alone, with_networks] =
+                [Guard::default(), of_families()].map(|guard| lanes.ratio(&guard).0);
+            assert!(with_networks < most * alone, "{n}, {seed}: {with_networks} {alone}");
+        }
     }
 }
 
@@ -241,6 +289,13 @@ fn an_expert_alone() {
     let black = SequenceBatch::from_samples(50, &[0.0; 400]).expect("black samples");
     let out = estimates(&black).expect("black is no error");
     assert!(plain(&out, &black) && out.count(Status::Constant) == 50);
+    // A few black lanes beside others.
+    let lanes = Lanes::new(gaussian_step, 6000, 8, 1);
+    let is_black = |lane: &usize| lanes.batch.last()[*lane] == 0.0;
+    let black: Vec<usize> = (0..6000).filter(is_black).collect();
+    let out = estimates(&lanes.batch).expect("a batch with its means");
+    let kept = black.iter().all(|&lane| out.values()[lane] == 0.0);
+    assert!(kept && (5..100).contains(&black.len()), "{}", black.len());
     let few = SequenceBatch::from_samples(50, &[1.0; 150]).expect("three samples");
     assert!(plain(&estimates(&few).expect("three samples are no error"), &few));
     let usual = SequenceBatch::from_samples(50, &[0.5; 400]).expect("samples");
@@ -348,7 +403,7 @@ fn predicts_its_gain() {
 fn folds_of_any_size_say_how_s_varies() {
     for n in [4, 5, 6, 7, 8] {
         let counts: [f64; FOLDS] = std::array::from_fn(|fold| fold_count(fold, n));
-        let weights = judge::dispersion(&counts);
+        let weights = sample::dispersion(&counts);
         let mut random = SplitMix64::of_stream(5, n.into());
         let (mut sum, lanes) = (0.0, 20_000);
         for _ in 0..lanes {
@@ -411,6 +466,18 @@ fn knows_its_errors() {
                 assert!((1.0 / 1.5..1.5).contains(&ratio), "case {kind}, {n}: {ratio}");
             }
         }
+    }
+}
+
+/// Where samples depend on each other, what may be gained is little beside the variance of as many
+/// independent ones, and yet much of the errors of S.
+#[test]
+fn gains_are_seen_beside_the_true_variance() {
+    // The mean over seeds; 5 % above what is measured.
+    for (integrand, most) in [(visibility as Integrand, 0.985), (smooth, 0.905)] {
+        let ratio = |seed| Lanes::stratified(integrand, 6000, 32, seed).ratio(&Guard::default()).0;
+        let ratios = [300, 301, 302].map(ratio);
+        assert!(ratios.iter().sum::<f64>() / 3.0 < most, "{ratios:?}");
     }
 }
 

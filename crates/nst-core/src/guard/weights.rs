@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::{
     hats::{Place, grid_cells},
-    sample::{SHARE, Sample},
+    sample::{GROUPS, SHARE, Sample, dispersion},
     simplex::{MOST, Moments, best_weights, certainty},
     view::{BRIGHTNESS, Lanes, UNCERTAINTY},
 };
@@ -16,11 +16,17 @@ const ROWS: usize = BRIGHTNESS.knots();
 pub(super) const STRATA: usize = ROWS * COLUMNS;
 const _: () = assert!(STRATA <= u64::BITS as usize, "sets of strata are in one number");
 
+/// What the guard calls the experts that learn from the batch itself; they come before others.
+pub(super) const CORRECTIONS: [&str; 3] = ["relative regression", "regression", "table"];
+
 /// How many variances of the noise are taken off a gain.
 const CAUTION: f64 = 4.0;
 
 /// The gain, relative to the variance of S, up to which a stratum keeps S: errors of pictures
-/// are judged relative to their brightness, too, and there a small gain may be a loss.
+/// are judged relative to their brightness, too, and there a small gain may be a loss. Of the two
+/// estimates of the variance, the less counts: where samples depend on each other it is that by the
+/// folds; where bright samples are rare that is noise, and may be far too large. With the
+/// folds' alone, relative errors were larger in pictures.
 const LEAST_GAIN: f64 = 0.05;
 
 /// The share of its sums that a stratum gives to each of its neighbours.
@@ -43,6 +49,8 @@ pub(super) struct Changes<'a> {
 #[derive(Clone, Debug)]
 pub(super) struct Weights {
     strata: [[[f64; MOST]; STRATA]; 2],
+    /// What is left of E[d (I − S)] of each expert with all folds, of that without one.
+    pub(super) shares: [f64; MOST],
 }
 
 /// Sums of a stratum.
@@ -51,8 +59,8 @@ struct Stratum {
     moments: Moments,
     /// The covariance of the noise of b, `[expert][expert]`.
     noise: [[f64; MOST]; MOST],
-    /// Of S without a group, summed over lanes and groups.
-    variance: f64,
+    /// That of S, summed over lanes and groups: by the samples, and by how folds differ.
+    variances: [f64; 2],
 }
 
 impl<'a> Changes<'a> {
@@ -106,8 +114,9 @@ impl Weights {
             strata.for_each(|(sum, part)| sum.add(part, 1.0, 1.0));
         }
         let shrinkage = changes.shrinkage();
-        let strata = total.map(|half| weights(&smoothed(&half), &shrinkage));
-        Self { strata }
+        let shares = shares(&shrinkage);
+        let strata = total.map(|half| weights(&smoothed(&half), &shrinkage, &shares));
+        Self { strata, shares }
     }
 
     /// The weights of a lane whose pixel is in this half, learnt from the other.
@@ -167,6 +176,7 @@ pub(super) fn strata(lanes: &Lanes, first_changes: &[f32]) -> Vec<Strata> {
 fn sums(changes: &Changes<'_>, pixels: Range<usize>) -> [[Stratum; STRATA]; 2] {
     let Changes { sample, missing, .. } = changes;
     let count = changes.count();
+    let dispersion = dispersion(&sample.counts);
     let mut sums = [[Stratum::default(); STRATA]; 2];
     // Channels share samples, and what is held out of a pixel in turn adds to 0: noise is that
     // of a pixel's sum.
@@ -177,10 +187,12 @@ fn sums(changes: &Changes<'_>, pixels: Range<usize>) -> [[Stratum; STRATA]; 2] {
         for (group, missing) in missing.iter().enumerate() {
             for lane in sample.lanes_of(pixel) {
                 let d = changes.of_lane(group, lane);
-                let variance = f64::from(changes.views[group].variance[lane]);
+                let by_samples = SHARE * f64::from(changes.views[group].variance[lane]);
+                let by_folds = GROUPS as f64 * dispersion[group] * f64::from(missing[lane]).powi(2);
                 for (stratum, share) in cells(changes.strata[group][lane]) {
                     touched |= 1 << stratum;
-                    sums[stratum].variance += share * variance;
+                    let variances = sums[stratum].variances.iter_mut().zip([by_samples, by_folds]);
+                    variances.for_each(|(sum, variance)| *sum += share * variance);
                     for i in 0..count {
                         of_pixel[stratum][i] += share * d[i] * f64::from(missing[lane]);
                         for j in 0..count {
@@ -212,7 +224,8 @@ impl Stratum {
 
     /// Adds a share of another's moments, and a share of its noise.
     fn add(&mut self, other: &Self, share: f64, noise_share: f64) {
-        self.variance += share * other.variance;
+        let variances = self.variances.iter_mut().zip(other.variances);
+        variances.for_each(|(sum, variance)| *sum += share * variance);
         for i in 0..MOST {
             self.moments.b[i] += share * other.moments.b[i];
             for j in 0..MOST {
@@ -250,20 +263,38 @@ pub(super) fn shared<T: Copy + Default>(
     along(&along(strata, COLUMNS, ROWS), 1, COLUMNS)
 }
 
+/// What is left of E[d (I − S)] with all folds, of that without one, by how much changes shrink.
+///
+/// Where the errors of S + d do not depend on those of S, it is S's variance V: ¾ of it is left.
+/// But with few samples, the best T is mostly what it knows of such integrals; its error has no
+/// correlation with anything known, E[(I − T) d] = 0, so that E[d (I − S)] = E[d²] = V − E[(I − T)²]
+/// falls by more than V does. So an expert has the less of ¾ and of what is left of its d²; not the
+/// corrections, which change little: where bright samples are rare, that is noise.
+fn shares(shrinkage: &[f64]) -> [f64; MOST] {
+    let mut shares = [SHARE; MOST];
+    let of_experts = shares.iter_mut().zip(shrinkage).skip(CORRECTIONS.len());
+    of_experts.for_each(|(share, shrinkage)| *share = share.min(shrinkage * shrinkage));
+    shares
+}
+
 /// The best weights of each stratum, drawn towards 0 by as much of the gain as may be noise.
-fn weights(strata: &[Stratum; STRATA], shrinkage: &[f64]) -> [[f64; MOST]; STRATA] {
+fn weights(
+    strata: &[Stratum; STRATA],
+    shrinkage: &[f64],
+    shares: &[f64; MOST],
+) -> [[f64; MOST]; STRATA] {
     let count = shrinkage.len();
-    strata.map(|Stratum { mut moments, mut noise, variance }| {
+    strata.map(|Stratum { mut moments, mut noise, variances }| {
         // What all samples lack is less than what those without a group lack, and so is what
         // the experts change.
-        moments.b.iter_mut().for_each(|b| *b *= SHARE);
+        moments.b.iter_mut().zip(shares).for_each(|(b, share)| *b *= share);
         for i in 0..count {
             for j in 0..count {
                 moments.a[i][j] *= shrinkage[i] * shrinkage[j];
+                noise[i][j] *= shares[i] * shares[j];
             }
         }
-        noise.iter_mut().flatten().for_each(|noise| *noise *= SHARE * SHARE);
-        let variance = SHARE * variance;
+        let variance = variances[0].min(variances[1]);
         let w = best_weights(&moments, &noise, count);
         let gain: f64 = (0..count).map(|i| w[i] * moments.b[i]).sum();
         let pairs = (0..count).flat_map(|i| (0..count).map(move |j| (i, j)));

@@ -5,8 +5,7 @@ use rayon::prelude::*;
 use super::{
     super::{
         hats::{Hats, Place},
-        judge::dispersion,
-        sample::{GROUPS, SHARE},
+        sample::{GROUPS, SHARE, dispersion},
     },
     simplex::{MOST, Moments, place},
 };
