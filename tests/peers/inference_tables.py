@@ -3,7 +3,7 @@
     python tests/peers/inference_tables.py            # rewrites them
     python tests/peers/inference_tables.py --check    # exit code 1 if they would change
 
-`inference.py` and tools/measure-transform write those files.
+`inference.py`, tools/measure-transform and tools/measure-guard write those files.
 """
 
 import argparse
@@ -109,6 +109,36 @@ def transform() -> str:
     return table(["`nst render`, Cornell box, 64 spp", "seconds", "%"], lines)
 
 
+def guard() -> str:
+    """What is not measured yet has no rows."""
+    head = ["options", "seconds", "more, %", "tracing", "transformation", "files"]
+    head += ["user seconds", "more, %", "peak MiB"]
+    rows = read("guard-cost.csv") if (DOCS / "guard-cost.csv").exists() else []
+    options = {
+        "none": "`--transform none`",
+        "auto": "`--transform auto --experts lane`",
+        "none, features": "`--transform none --features`",
+    }
+
+    def median(asked: str, key: str) -> float:
+        return statistics.median(float(row[key]) for row in rows if row["asked"] == asked)
+
+    def more(asked: str, key: str, of: str) -> str:
+        return f"{100 * (median(asked, key) - median('none', key)) / median('none', of):.1f}"
+
+    lines = []
+    for asked, shown in options.items() if rows else []:
+        total, user, peak = (
+            median(asked, key) for key in ("total_seconds", "user_seconds", "peak_mebibytes")
+        )
+        parts = [
+            more(asked, f"{part}_seconds", "total_seconds") for part in ("total", "render", "transform", "io")
+        ]
+        cells = [f"{user:.3f}", more(asked, "user_seconds", "user_seconds"), f"{peak:.0f}"]
+        lines.append([shown, f"{total:.3f}", *parts, *cells])
+    return table(head, lines)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--check", action="store_true", help="change nothing")
@@ -116,7 +146,7 @@ def main() -> None:
     path = DOCS / "performance.md"
     old = path.read_text(encoding="utf-8")
     new = old
-    for make in (cpu, floors, lavapipe, transform):
+    for make in (cpu, floors, lavapipe, transform, guard):
         begin, end = f"<!-- {make.__name__} -->\n", f"<!-- end of {make.__name__} -->"
         pattern = re.compile(f"(?<={re.escape(begin)}).*?(?={re.escape(end)})", re.DOTALL)
         made = make() + "\n"

@@ -2,8 +2,8 @@
 
 use nst_core::{
     Error as CoreError, Estimates, Fitted, Identity, MlpCpu, Network, Requirements, SampleMlp,
-    SequenceBatch, Strips, Transform, Weights,
-    guard::{Expert, Guard, Judgement, OfTransform},
+    SequenceBatch, Strips, Transform, Weights, WelchFilter,
+    guard::{Expert, Guard, Judgement, OfTransform, PictureExpert, PictureGuard},
 };
 
 use crate::{
@@ -11,6 +11,7 @@ use crate::{
     args::{BackendArg, ExpertArg},
     error::Error,
     networks::{builtin, builtin_of_samples, network_of},
+    oidn::Oidn,
     samples::evaluated,
 };
 
@@ -34,28 +35,49 @@ pub(crate) fn guard(
     backend: BackendArg,
     adapter: &Adapter,
 ) -> Result<Box<dyn Transform>, Error> {
-    let others = list.iter().filter(|arg| **arg != ExpertArg::Lane);
-    let refits = Guard::MOST_EXPERTS.saturating_sub(others.clone().count());
-    let others = others.enumerate().map(|(i, arg)| expert(arg, i < refits, backend, adapter));
-    let others = others.collect::<Result<Vec<_>, _>>()?;
-    if !list.is_empty() && !list.contains(&ExpertArg::Lane) {
+    let lanes = list.is_empty() || list.contains(&ExpertArg::Lane);
+    let mut networks = Vec::new();
+    let mut of_pictures: Vec<Box<dyn PictureExpert>> = Vec::new();
+    for arg in list {
+        match arg {
+            ExpertArg::Lane => {}
+            ExpertArg::Filter => of_pictures.push(Box::new(WelchFilter::default())),
+            ExpertArg::Oidn => of_pictures.push(Box::new(Oidn::named(loading)?)),
+            other => networks.push(other),
+        }
+    }
+    let refits = Guard::MOST_EXPERTS.saturating_sub(networks.len());
+    let networks = networks.into_iter().enumerate();
+    let networks = networks.map(|(i, arg)| expert(arg, i < refits, backend, adapter));
+    let networks = networks.collect::<Result<Vec<_>, _>>()?;
+    if !lanes && (of_pictures.is_empty() || !networks.is_empty()) {
         // Its first regression also says which lanes are alike.
         return Err(Error::Usage(
-            "--experts: 'lane', the guard's own experts, always takes part; add it to the list"
+            "--experts: networks take part beside 'lane', the guard's own experts; add it to the \
+             list"
                 .into(),
         ));
     }
     if let Some((_, twice)) = list.iter().enumerate().find(|(i, it)| list[..*i].contains(it)) {
         return Err(Error::Usage(format!("--experts: '{twice}' is named twice")));
     }
-    let guard = Guard::new(others);
-    let guard = guard.map_err(|error| Error::Usage(format!("--experts: {}", reason(error))))?;
+    let usage = |error| Error::Usage(format!("--experts: {}", reason(error)));
+    let guard = Guard::new(networks).map_err(usage)?;
     if sampler == NESTED {
         let notes = vec![NESTED_FOLDS.to_owned()];
         let judgement = Judgement { ratio: 1.0, interval: [1.0; 2], notes, ..Judgement::default() };
         return Ok(Box::new(Kept(judgement)));
     }
-    Ok(Box::new(guard))
+    if of_pictures.is_empty() {
+        return Ok(Box::new(guard));
+    }
+    let guard = PictureGuard::new(guard, of_pictures).map_err(usage)?;
+    Ok(Box::new(if lanes { guard } else { guard.without_lane() }))
+}
+
+/// Says which library is about to be loaded.
+fn loading(library: String) {
+    eprintln!("loading    {library}");
 }
 
 /// The expert of a name.
@@ -66,7 +88,7 @@ fn expert(
     adapter: &Adapter,
 ) -> Result<Box<dyn Expert>, Error> {
     let network = match arg {
-        ExpertArg::Lane => unreachable!("the guard has its own"),
+        ExpertArg::Lane | ExpertArg::Filter | ExpertArg::Oidn => unreachable!("no networks"),
         ExpertArg::Builtin(name) => return of_terms(arg, builtin(name)?, "--transform"),
         ExpertArg::Samples(name) => builtin_of_samples(name)?,
         ExpertArg::Weights(path) => match network_of(path)? {

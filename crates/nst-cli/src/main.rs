@@ -16,6 +16,7 @@ mod guard;
 mod interrupt;
 mod method;
 mod networks;
+mod oidn;
 mod progress;
 mod report;
 mod results;

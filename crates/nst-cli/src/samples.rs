@@ -73,7 +73,7 @@ impl Lack {
                 let powers: Vec<_> = powers.iter().map(ToString::to_string).collect();
                 format!(
                     "there are no means of the samples to the power {}; 'nst render --sequence' \
-                     stores them if it is given {option}, too",
+                     stores them if it is given {option}, too, from its first sample on",
                     powers.join(", ")
                 )
             }

@@ -302,7 +302,7 @@ fn resumed_renderings() {
     fails(&bench, &instead("x.exr"), 1, &["x.exr", "no sequence"]);
     // A sum that contradicts the fold's mean.
     let mut file = SequenceFile::read(&seq).expect("the sequence");
-    file.sums.as_mut().expect("its sums")[7].folds[2] *= 1.5;
+    file.sums.as_mut().expect("its sums").lanes[7].folds[2] *= 1.5;
     let mut output = OutputFile::create(&bench.path("wrong.exr")).expect("a file");
     file.write(&mut output).expect("it can be written");
     output.commit().expect("it can be renamed");

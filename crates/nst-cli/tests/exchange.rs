@@ -247,9 +247,7 @@ fn write_sequence(path: &Path, seed: u64, sides: &[Side]) {
         resume: None,
     };
     let mut output = OutputFile::create(path).expect("a file");
-    SequenceFile { info, batch, sums: None, features: None }
-        .write(&mut output)
-        .expect("it can be written");
+    SequenceFile { info, batch, sums: None }.write(&mut output).expect("it can be written");
     output.commit().expect("it can be renamed");
 }
 

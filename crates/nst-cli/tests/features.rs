@@ -97,8 +97,12 @@ fn features_go_on_where_they_stopped() {
         let whole = sequence(&bench.path("whole.exr"));
         let longer = sequence(&bench.path("part.exr"));
         assert_eq!(longer.batch, whole.batch);
-        assert!(longer.features.is_some() && longer.features == whole.features);
-        assert_ne!(part.features, whole.features);
+        let features = |file: &SequenceFile| {
+            let sums = file.sums.as_ref().expect("a rendering can be continued");
+            sums.features.clone().expect("they were asked for")
+        };
+        assert_eq!(longer.sums, whole.sums);
+        assert_ne!(features(&part), features(&whole));
         let pictures = ["a.exr", "b.exr"].map(|name| bench.path(name));
         for layer in ["albedo", "depth.Z", "normal.Y"] {
             let [a, b] = pictures.each_ref().map(|path| read_layer(path, layer));
@@ -279,7 +283,8 @@ fn what_has_no_place_for_features_is_refused() {
     bench.refuses(&format!("{resume} plain.exr --features"), &["plain.exr", "no features"]);
     // A sum that contradicts the mean beside it.
     let mut file = sequence(&bench.path("s.exr"));
-    file.features.as_mut().expect("its sums")[7].normal[1] += 1.0;
+    let sums = file.sums.as_mut().expect("its sums");
+    sums.features.as_mut().expect("those of its features")[7].normal[1][2] += 1.0;
     let mut output = OutputFile::create(&bench.path("wrong.exr")).expect("a file");
     file.write(&mut output).expect("it can be written");
     output.commit().expect("it can be renamed");

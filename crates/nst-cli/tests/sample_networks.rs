@@ -4,11 +4,12 @@
 mod common;
 
 use common::{Bench, cornell, read_layer};
+use nst_core::{FurtherPowers, PowerSums, Side};
 use nst_files::{
     ColorModel,
     output::OutputFile,
     picture_writer::{PictureInfo, write_exr},
-    sequence_file::SequenceReader,
+    sequence_file::SequenceFile,
 };
 use serde_json::Value;
 
@@ -24,6 +25,10 @@ fn lanes(bench: &Bench, picture: &str, layer: &str) -> Vec<f32> {
     let lanes = read_layer(&bench.path(picture), layer).1;
     assert!(lanes.iter().all(|x| x.is_finite()), "{picture}");
     lanes
+}
+
+fn sequence(bench: &Bench, name: &str) -> SequenceFile {
+    SequenceFile::read(&bench.path(name)).expect("a sequence")
 }
 
 fn experts(said: &Value) -> Vec<&str> {
@@ -91,9 +96,7 @@ fn further_powers() {
         &render("--spp 16 --sequence s.exr -o x.exr --experts lane,gaussian-samples"),
     );
     assert_eq!(experts(&said)[3..], ["gaussian-samples", "gaussian-samples, refitted"]);
-    let sides = |name: &str| {
-        SequenceReader::open(&bench.path(name)).expect("a sequence").info().sides.len()
-    };
+    let sides = |name: &str| sequence(&bench, name).info.sides.len();
     // Five further powers, four folds.
     assert_eq!(sides("s.exr"), sides("usual.exr") + 20);
     let again = report(&bench, "transform s.exr -o y.exr --experts lane,gaussian-samples");
@@ -118,13 +121,124 @@ fn further_powers() {
     bench.write("mine.safetensors", network_file("gaussian-samples"));
     bench
         .refuses("transform usual.exr --weights mine.safetensors", &["--weights mine.safetensors"]);
+}
 
-    // Their sums are not stored, so that a rendering that goes on has none.
-    let resume = |options: &str| render(&format!("--spp 20 --resume s.exr -o y.exr {options}"));
-    bench.refuses(&resume("--transform gaussian-samples"), &["'gaussian-samples'", "to the power"]);
-    let said = report(&bench, &resume("--experts lane,gaussian-samples"));
-    assert!(notes(&said).contains("'gaussian-samples' is left out"), "{said}");
-    assert_eq!(sides("s.exr"), sides("usual.exr"));
+/// A rendering that goes on has the very bits of one without a break, whether or not it needs the
+/// powers meanwhile.
+#[test]
+fn further_powers_go_on_where_they_stopped() {
+    let bench = Bench::new();
+    let (with, without) = ("--experts lane,gaussian-samples", "--experts lane,small");
+    for (few, more, first, then, powers) in [
+        (16, 64, with, with, 5),
+        (16, 64, with, without, 5),
+        (9, 22, "--transform gaussian-samples", with, 5),
+        // Below four samples there are no means of folds, but sums.
+        (3, 21, with, "--transform gaussian-samples --features", 5),
+        (16, 64, without, without, 0),
+    ] {
+        let features = if then.contains("--features") { "--features" } else { "" };
+        let render = |args: &str| bench.succeed(&render(&format!("{args} {features} --quiet")));
+        render(&format!("--spp {more} --sequence whole.exr -o a.exr {first}"));
+        render(&format!("--spp {few} --sequence part.exr -o b.exr {first}"));
+        let part = sequence(&bench, "part.exr");
+        let resume = then.replace("--features", "");
+        render(&format!("--spp {more} --resume part.exr -o b.exr {resume}"));
+        let (whole, longer) = (sequence(&bench, "whole.exr"), sequence(&bench, "part.exr"));
+        assert!(longer.batch == whole.batch && longer.sums == whole.sums, "{few}, {first}, {then}");
+        assert_eq!(longer.info.further_powers().count(), powers);
+        assert_eq!(longer.info.resume, whole.info.resume);
+        assert!(part.sums != whole.sums);
+        bench.succeed(&format!("transform whole.exr -o a.exr {resume} --quiet"));
+        assert_eq!(lanes(&bench, "a.exr", ""), lanes(&bench, "b.exr", ""), "{few}, {then}");
+        // Once more, from the file that went on.
+        render(&format!("--spp 70 --resume whole.exr -o a.exr {resume}"));
+        render(&format!("--spp 70 --resume part.exr -o b.exr {resume}"));
+        assert!(sequence(&bench, "whole.exr").sums == sequence(&bench, "part.exr").sums);
+    }
+}
+
+/// A sequence without their sums goes on without them, and says what to do.
+#[test]
+fn further_powers_without_their_sums() {
+    let bench = Bench::new();
+    let with = "--experts lane,gaussian-samples";
+    bench.succeed(&render("--spp 16 --sequence usual.exr -o x.exr --experts lane --quiet"));
+    bench.succeed(&render(&format!("--spp 16 --sequence s.exr -o x.exr {with} --quiet")));
+    // As early versions wrote it: with means alone.
+    let mut early = sequence(&bench, "s.exr");
+    early.info.resume.as_mut().expect("it can be continued").powers = FurtherPowers::NONE;
+    early.sums.as_mut().expect("its sums").powers = PowerSums::default();
+    let mut output = OutputFile::create(&bench.path("early.exr")).expect("a new file");
+    early.write(&mut output).expect("it can be written");
+    output.commit().expect("a disk with room");
+
+    let sides = |name: &str| sequence(&bench, name).info.sides.len();
+    assert_eq!(sides("early.exr"), sides("usual.exr") + 20);
+    let lost = "the longer sequence has no means of the samples to the power 0.125, 0.25, 4, 8, 16";
+    for (name, is_early) in [("early.exr", true), ("usual.exr", false)] {
+        let before = std::fs::read(bench.path(name)).expect("the sequence");
+        let resume = |options: &str| {
+            render(&format!("--spp 20 --resume {name} --sequence longer.exr -o y.exr {options}"))
+        };
+        let words = [
+            "'gaussian-samples'",
+            "to the power 0.125, ",
+            "given --transform gaussian-samples, too, from its first sample on",
+        ];
+        bench.refuses(&resume("--transform gaussian-samples"), &words);
+        let said = report(&bench, &resume(with));
+        assert_eq!(experts(&said), OWN);
+        for words in ["'gaussian-samples' is left out", "from its first sample on"] {
+            assert!(notes(&said).contains(words), "'{words}' is not in: {said}");
+        }
+        assert_eq!(notes(&said).contains(lost), is_early, "{said}");
+        assert_eq!(sides("longer.exr"), sides("usual.exr"));
+        assert_eq!(std::fs::read(bench.path(name)).expect("the sequence"), before);
+    }
+    let said = report(&bench, &render(&format!("--spp 20 --resume s.exr -o y.exr {with}")));
+    assert!(!notes(&said).contains("the longer sequence has no"), "{said}");
+}
+
+/// What all files have is merged, as often as needed; the result has no sums, as all merged ones.
+#[test]
+fn further_powers_are_merged() {
+    let bench = Bench::new();
+    let with = "--experts lane,gaussian-samples";
+    for seed in 1..=3 {
+        let args = format!("--spp 16 --seed {seed} --sequence s{seed}.exr -o x.exr --quiet");
+        bench.succeed(&render(&format!("{args} {with}")));
+    }
+    bench.succeed(&render("--spp 16 --seed 4 --sequence usual.exr -o x.exr --quiet"));
+    bench.succeed("merge s1.exr s2.exr -o two.exr -q");
+    bench.succeed("merge two.exr s3.exr -o all.exr -q");
+    let parts = [1, 2, 3].map(|seed| sequence(&bench, &format!("s{seed}.exr")));
+    let merged = sequence(&bench, "all.exr");
+    assert!(merged.sums.is_none() && merged.info.sides == parts[0].info.sides);
+    for side in parts[0].info.further_powers().sides() {
+        let Side::PowerMean(power, _) = side else { panic!("{side}") };
+        let of = |file: &SequenceFile| file.batch.side(&side).expect("a mean").to_vec();
+        let (values, parts) = (of(&merged), parts.each_ref().map(of));
+        for (lane, &value) in values.iter().enumerate() {
+            let mean = |weights: [f64; 3]| {
+                let powers = parts.iter().zip(weights).map(|(it, w)| w * power.of(it[lane].into()));
+                power.mean_of(powers.sum::<f64>())
+            };
+            // Rounded to f32 twice.
+            let close = |mean: f64| (f64::from(value) - mean).abs() <= 2e-7 * mean;
+            assert!(close(mean([1.0 / 3.0; 3])), "{side}");
+            let wrong = mean([0.25, 0.25, 0.5]);
+            assert!(!close(wrong) || parts.iter().all(|it| it[lane] == parts[0][lane]), "{side}");
+        }
+    }
+    let said = report(&bench, &format!("transform all.exr -o y.exr {with}"));
+    assert_eq!(experts(&said)[3..], ["gaussian-samples", "gaussian-samples, refitted"]);
+    let resume = render(&format!("--spp 99 --resume all.exr -o y.exr {with}"));
+    bench.refuses(&resume, &["all.exr", "merged sequences", "cannot be continued"]);
+    let output = bench.nst("merge s1.exr usual.exr -o new.exr");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("usual.exr") && said.contains("power16fold3"), "{said}");
 }
 
 /// Packed pictures of one colour have folds, and so have what `small` needs.

@@ -52,7 +52,7 @@ pub use network::{Builtin, Layer, Metadata, Network, SampleForm, SampleNetwork, 
 pub use sample_mlp::SampleMlp;
 pub use sequence::{
     Extent, FOLDS, FeatureSums, FurtherPowers, Grid, Keep, LANES_PER_BLOCK, LaneSums, Merging,
-    Power, PowerSums, SequenceBatch, Side, Strips, Whole, fold_count, root,
+    Power, PowerSums, SampleSums, SequenceBatch, Side, Strips, Whole, fold_count, root,
 };
 pub(crate) use sequence::{mean_of_folds, sum_in_order};
 pub use transform::{Estimates, Fit, Fitted, Identity, Requirements, Status, Support, Transform};

@@ -93,8 +93,10 @@ pub struct Requirements {
     /// How many of the last terms, at least 1. Where fewer are stored, all lanes keep S_n.
     pub window: usize,
     /// The side channels without which all lanes keep S_n. No others are read when the method
-    /// is [applied](Fitted::apply).
+    /// is [applied](Fitted::apply), but for those that follow.
     pub sides: &'static [Side],
+    /// Side channels that are read, too, where the batch has them.
+    pub optional: &'static [Side],
     /// The powers of the samples whose [means of folds](Side::PowerMean) are read, too, where the
     /// batch has them.
     pub powers: FurtherPowers,
@@ -123,8 +125,8 @@ impl Requirements {
     /// nothing else.
     #[must_use]
     pub fn of_lane(window: usize) -> Self {
-        let (sides, powers) = (&[] as &[Side], FurtherPowers::NONE);
-        Self { window, sides, powers, support: Support::Lane, fits: false }
+        let powers = FurtherPowers::NONE;
+        Self { window, sides: &[], optional: &[], powers, support: Support::Lane, fits: false }
     }
 
     /// How many numbers of a lane are read.
@@ -136,7 +138,8 @@ impl Requirements {
     /// All side channels that are read.
     #[must_use]
     pub fn all_sides(&self) -> Vec<Side> {
-        self.sides.iter().cloned().chain(self.powers.sides()).collect()
+        let named = self.sides.iter().chain(self.optional).cloned();
+        named.chain(self.powers.sides()).collect()
     }
 
     /// The halo that strips need, in rows.

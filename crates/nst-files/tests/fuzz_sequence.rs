@@ -15,8 +15,8 @@ use std::{
 use exr::prelude::{Compression, ReadChannels, ReadLayers, WritableImage};
 use ndarray::Array2;
 use nst_core::{
-    Estimates, FOLDS, FeatureSums, Grid, Identity, Keep, LaneSums, SequenceBatch, Side, Strips,
-    Transform, fold_count, random::SplitMix64,
+    Estimates, FOLDS, FeatureSums, Grid, Identity, Keep, LaneSums, Power, PowerSums, SampleSums,
+    SequenceBatch, Side, Strips, Transform, fold_count, random::SplitMix64,
 };
 use nst_files::{
     ColorModel,
@@ -69,11 +69,14 @@ fn sequence(model: ColorModel, resume: bool) -> SequenceFile {
     let skipped = (0..13 * 21).map(|pixel| (pixel / 40) as f32).collect();
     batch.set_side(Side::Skipped, skipped).expect("a number per pixel");
     let features = (model == ColorModel::Rgb).then(|| features(&mut batch));
+    let powers = power_sums(lanes);
+    batch.set_power_sums(&powers, 8).expect("sums of each lane");
     let resume = resume.then_some(ResumeInfo {
         keep: Keep::Pow2(2),
         pixel_filter: "box".into(),
         max_depth: 8,
         russian_roulette: true,
+        powers: powers.powers(),
     });
     let info = SequenceInfo {
         size,
@@ -86,8 +89,18 @@ fn sequence(model: ColorModel, resume: bool) -> SequenceFile {
         render_seconds: 1.0,
         resume,
     };
-    let features = features.filter(|_| info.resume.is_some());
-    SequenceFile { sums: info.resume.is_some().then_some(sums), info, batch, features }
+    let sums = SampleSums { lanes: sums, features, powers };
+    SequenceFile { sums: info.resume.is_some().then_some(sums), info, batch }
+}
+
+/// Sums of two powers of eight samples.
+fn power_sums(lanes: usize) -> PowerSums {
+    let powers = [0.0625, 8.0].map(|p| Power::of_value(p).expect("a power of two"));
+    let mut sums = PowerSums::new(&powers, lanes);
+    for lane in 0..lanes {
+        (0..8).for_each(|i| sums.add(lane, i, (lane / 40) as f64 + f64::from(i % 3)));
+    }
+    sums
 }
 
 /// Gives the picture features of eight samples; returns their sums.
@@ -95,8 +108,8 @@ fn features(batch: &mut SequenceBatch) -> Vec<FeatureSums> {
     let of_pixel = |pixel: usize| {
         let value = (pixel / 40) as f64;
         FeatureSums {
-            albedo: [0.1, 0.3, 0.1 * value],
-            normal: [0.7, -value, 0.1],
+            albedo: [[0.1; FOLDS], [0.3, 0.0, 0.1, 0.2], [0.1 * value; FOLDS]],
+            normal: [[0.7; FOLDS], [-value, 0.1, 0.0, 0.3], [0.1; FOLDS]],
             depth: 3.3 * value,
             emission: [[0.0; FOLDS], [value, 1.0 / 3.0, 0.0, value], [1.0; FOLDS]],
         }

@@ -53,7 +53,7 @@ fn sequence() -> SequenceFile {
         render_seconds: 0.0,
         resume: None,
     };
-    SequenceFile { info, batch, sums: None, features: None }
+    SequenceFile { info, batch, sums: None }
 }
 
 fn write(file: &SequenceFile, path: &Path) -> Checked {

@@ -4,7 +4,8 @@ use std::{collections::BTreeMap, ops::Range};
 
 use ndarray::Array2;
 use nst_core::{
-    Extent, FOLDS, FeatureSums, FurtherPowers, Grid, LaneSums, SequenceBatch, Side, fold_count,
+    Extent, FOLDS, FeatureSums, FurtherPowers, Grid, LaneSums, PowerSums, SampleSums,
+    SequenceBatch, Side, fold_count,
 };
 use rayon::prelude::*;
 
@@ -79,8 +80,14 @@ impl Strip<'_> {
         last
     }
 
-    /// The sums, `[lane]`.
-    pub(crate) fn sums(&self) -> Vec<LaneSums> {
+    /// All sums.
+    pub(crate) fn sums(&self) -> SampleSums {
+        let (lanes, features) = (self.lane_sums(), self.feature_sums());
+        SampleSums { lanes, features, powers: self.power_sums() }
+    }
+
+    /// Those of the samples, `[lane]`.
+    fn lane_sums(&self) -> Vec<LaneSums> {
         let mut sums = vec![LaneSums::default(); self.lanes()];
         self.fill(&mut [&mut sums[..]], |tile, channel, pixels, out| {
             out[0].copy_from_slice(&tile.sums[channel][pixels]);
@@ -88,10 +95,19 @@ impl Strip<'_> {
         sums
     }
 
+    /// Those of their further powers.
+    fn power_sums(&self) -> PowerSums {
+        let mut sums = vec![[0.0; FOLDS]; self.powers.count() * self.lanes()];
+        self.fill(&mut [&mut sums[..]], |tile, plane, pixels, out| {
+            out[0].copy_from_slice(&tile.further[plane][pixels]);
+        });
+        PowerSums::from_sums(self.powers, sums).expect("sums of each power of each lane")
+    }
+
     /// The sums of the features, `[pixel]`, if they are kept.
-    pub(crate) fn feature_sums(&self) -> Option<Vec<FeatureSums>> {
-        let mut sums = vec![FeatureSums::default(); self.lanes() / CHANNELS];
+    fn feature_sums(&self) -> Option<Vec<FeatureSums>> {
         self.tiles.first()?.features?;
+        let mut sums = vec![FeatureSums::default(); self.lanes() / CHANNELS];
         self.fill(&mut [&mut sums[..]], |tile, _, pixels, out| {
             let features = tile.features.unwrap_or_default();
             out[0].copy_from_slice(&features[pixels]);

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, ops::Range};
 
-use nst_core::{FOLDS, FeatureSums, FurtherPowers, Grid, LaneSums, Power, Side};
+use nst_core::{FOLDS, FeatureSums, FurtherPowers, Grid, LaneSums, Power, SampleSums, Side};
 
 use crate::{
     Error,
@@ -71,13 +71,14 @@ impl Film {
     ///
     /// # Errors
     /// As [`Self::new`]; [`Error::Settings`] if the rendering has another size or other
-    /// terms, other features, or has all samples already.
+    /// terms, other features or powers, or has all samples already.
     pub(crate) fn of(
         start: Start,
         settings: &RenderSettings,
         size: [u32; 2],
     ) -> Result<Self, Error> {
-        let Start { batch, mut sums, mut features } = start;
+        let Start { batch, sums } = start;
+        let SampleSums { lanes: mut sums, mut features, powers } = sums;
         let counts = batch.sample_counts().to_vec();
         let samples = counts[counts.len() - 1];
         let lanes = CHANNELS * size[0] as usize * size[1] as usize;
@@ -86,18 +87,21 @@ impl Film {
             && samples < settings.spp
             && counts == settings.keep.sample_counts(samples)
             && features.is_some() == settings.features
-            && features.as_ref().is_none_or(|pixels| CHANNELS * pixels.len() == lanes);
+            && features.as_ref().is_none_or(|pixels| CHANNELS * pixels.len() == lanes)
+            && powers.are_of(settings.powers, lanes);
         if !fits {
             let message = format!(
                 "a rendering of {} lanes and {samples} spp cannot be continued to {lanes} lanes \
-                 and {} spp, or has other terms, or features that are not wanted, or lacks them",
+                 and {} spp, or has other terms, or features or powers that are not wanted, or \
+                 lacks them",
                 batch.lanes(),
                 settings.spp
             );
             return Err(Error::Settings(message));
         }
         // Without its sums: `start` has them.
-        let mut film = Self { sums: Vec::new(), features: None, ..Self::new(settings, size)? };
+        let film = Self::new(settings, size)?;
+        let mut film = Self { sums: Vec::new(), features: None, further: Vec::new(), ..film };
         for (k, count) in counts.into_iter().enumerate() {
             for slot in film.slots.of(count, samples) {
                 film.terms[slot * lanes..][..lanes].copy_from_slice(batch.term(k));
@@ -113,11 +117,13 @@ impl Film {
         }
         drop(batch);
         tiles::to_tiles(&mut film.terms, size);
+        let mut further = powers.into_sums();
         tiles::to_tiles(&mut sums, size);
+        tiles::to_tiles(&mut further, size);
         if let Some(features) = &mut features {
             tiles::to_tiles(features, size);
         }
-        Ok(Self { samples, sums, features, ..film })
+        Ok(Self { samples, sums, features, further, ..film })
     }
 
     /// The tiles of the picture, each with its part of the film.
@@ -261,17 +267,15 @@ impl TileFilm<'_> {
     ) {
         let Some(features) = &mut self.features else { return };
         let sums = &mut features[pixel];
-        let add = |sums: &mut [f64; 3], values: [f32; 3]| {
-            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += f64::from(value));
+        let fold = index as usize % FOLDS;
+        let add = |sums: &mut [[f64; FOLDS]; 3], values: [f32; 3]| {
+            sums.iter_mut().zip(values).for_each(|(sums, value)| sums[fold] += f64::from(value));
         };
         add(&mut sums.albedo, sample.albedo.to_array());
         add(&mut sums.normal, sample.normal.to_array());
         sums.depth += f64::from(sample.depth);
         if is_finite {
-            let fold = index as usize % FOLDS;
-            for (sums, value) in sums.emission.iter_mut().zip(sample.emission.to_array()) {
-                sums[fold] += f64::from(value);
-            }
+            add(&mut sums.emission, sample.emission.to_array());
         }
     }
 }
@@ -338,11 +342,7 @@ mod tests {
         expose(&mut film, 0..5, odd);
         assert_eq!(film.skipped(), 1);
         let part = Rendering::new(film, Duration::ZERO, Duration::ZERO);
-        let start = Start {
-            batch: part.batch(),
-            sums: part.sums(0..size[1]),
-            features: part.feature_sums(0..size[1]),
-        };
+        let start = Start { batch: part.batch(), sums: part.sums(0..size[1]) };
         let mut film = Film::of(start, &settings, size)?;
         expose(&mut film, 5..8, odd);
         assert_eq!(film.skipped(), 2);
@@ -359,6 +359,7 @@ mod tests {
         let feature = |side: Side| whole.side(&side).expect("features are kept")[pixel];
         assert_eq!([feature(Side::Emission), feature(Side::EmissionFold(1))], [0.375, 0.25]);
         assert_eq!([feature(Side::Albedo), feature(Side::Depth)], [0.25, 3.0]);
+        assert_eq!(feature(Side::AlbedoFold(1)), 0.25);
         Ok(())
     }
 

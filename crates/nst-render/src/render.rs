@@ -232,10 +232,14 @@ mod tests {
         sync::atomic::{AtomicU32, Ordering},
     };
 
-    use nst_core::{FurtherPowers, Keep, Side};
+    use nst_core::{FurtherPowers, Keep, Power, SampleSums, Side};
 
     use super::*;
     use crate::SamplerKind;
+
+    fn all_powers() -> FurtherPowers {
+        FurtherPowers::of(&Power::all().collect::<Vec<_>>())
+    }
 
     fn scene() -> Scene {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell/cornell.obj");
@@ -244,8 +248,7 @@ mod tests {
 
     fn start(rendering: &Rendering) -> Start {
         let [_, height] = rendering.size();
-        let features = rendering.feature_sums(0..height);
-        Start { batch: rendering.batch(), sums: rendering.sums(0..height), features }
+        Start { batch: rendering.batch(), sums: rendering.sums(0..height) }
     }
 
     /// Stops after some passes.
@@ -261,14 +264,8 @@ mod tests {
         for keep in [Keep::Window(8), Keep::All, Keep::Pow2(3)] {
             for sampler in [SamplerKind::Random, SamplerKind::Halton, SamplerKind::HaltonFolds] {
                 let features = sampler != SamplerKind::Halton;
-                let settings = RenderSettings {
-                    spp: 41,
-                    sampler,
-                    seed: 3,
-                    keep,
-                    powers: FurtherPowers::NONE,
-                    features,
-                };
+                let powers = if keep == Keep::All { FurtherPowers::NONE } else { all_powers() };
+                let settings = RenderSettings { spp: 41, sampler, seed: 3, keep, powers, features };
                 let whole = render(&scene(), &settings, &|_| {}).expect("the scene renders");
                 let mut part = stopped(None, &settings, 1);
                 assert_eq!(part.samples(), 16);
@@ -278,10 +275,36 @@ mod tests {
                 let part = stopped(Some(start(&part)), &settings, 9);
                 assert_eq!(part.batch(), whole.batch());
                 assert_eq!(part.sums(0..18), whole.sums(0..18));
-                assert_eq!(part.feature_sums(0..18), whole.feature_sums(0..18));
-                assert_eq!(whole.feature_sums(0..18).is_some(), features);
+                let SampleSums { features: of_features, powers: of_powers, .. } = whole.sums(0..18);
+                assert_eq!(of_features.is_some(), features);
+                assert!(of_powers.are_of(powers, 3 * 37 * 18));
             }
         }
+    }
+
+    #[test]
+    fn other_sums_than_the_settings_ask_for_are_refused() {
+        let powers = all_powers();
+        let (sampler, keep, features) = (SamplerKind::Random, Keep::Window(2), false);
+        let settings = RenderSettings { spp: 5, sampler, seed: 3, keep, powers, features };
+        let longer = RenderSettings { spp: 6, ..settings };
+        let part = render(&scene(), &settings, &|_| {}).expect("the scene renders");
+        let goes_on = |start: Start, settings: &RenderSettings| {
+            let control = Control { progress: &|_| {}, stop: &|| false };
+            render_from(Some(start), &scene(), settings, control).is_ok()
+        };
+        assert!(goes_on(start(&part), &longer));
+        let none = RenderSettings { powers: FurtherPowers::NONE, ..longer };
+        assert!(!goes_on(start(&part), &none));
+        let mut without = start(&part);
+        without.sums.powers = Default::default();
+        assert!(goes_on(without.clone(), &none) && !goes_on(without, &longer));
+        // Of a row less.
+        let mut fewer = start(&part);
+        fewer.sums.powers = part.sums(0..17).powers;
+        assert!(!goes_on(fewer, &longer));
+        let with_features = RenderSettings { features: true, ..longer };
+        assert!(!goes_on(start(&part), &with_features));
     }
 
     /// All terms, sums and side channels are those without features; and the light that is seen

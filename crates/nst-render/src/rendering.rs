@@ -2,7 +2,7 @@
 
 use std::{borrow::Cow, ops::Range, time::Duration};
 
-use nst_core::{FOLDS, FeatureSums, LaneSums, SequenceBatch, Side, Strips};
+use nst_core::{FOLDS, SampleSums, SequenceBatch, Side, Strips};
 
 use crate::{film::Film, tiles::TILE};
 
@@ -84,16 +84,10 @@ impl Rendering {
         self.film.rows(0..self.film.size[1]).last()
     }
 
-    /// The sums of some rows, `[lane]`.
+    /// The sums of some rows: what the rendering can be continued from.
     #[must_use]
-    pub fn sums(&self, rows: Range<u32>) -> Vec<LaneSums> {
+    pub fn sums(&self, rows: Range<u32>) -> SampleSums {
         self.film.rows(rows).sums()
-    }
-
-    /// The sums of the features of some rows, `[pixel]`; `None` if they were not asked for.
-    #[must_use]
-    pub fn feature_sums(&self, rows: Range<u32>) -> Option<Vec<FeatureSums>> {
-        self.film.rows(rows).feature_sums()
     }
 }
 
@@ -197,14 +191,14 @@ mod tests {
             let (whole, sums) = (rendering.batch(), rendering.sums(0..50));
             assert_eq!(whole.sample_counts(), keep.sample_counts(spp));
             assert_eq!(whole.last(), rendering.last());
-            let means = sums.iter().map(|lane| (lane.total() / f64::from(spp)) as f32);
+            let means = sums.lanes.iter().map(|lane| (lane.total() / f64::from(spp)) as f32);
             assert!(means.eq(whole.last().iter().copied()), "{keep}");
             let mut again = SequenceBatch::from_last(whole.last(), spp).expect("means");
-            again.set_sums(&sums, spp).expect("as many lanes");
+            again.set_sums(&sums.lanes, spp).expect("as many lanes");
             let of_sums = |(side, _): &(&Side, _)| !side.is_feature();
             assert!(again.sides().eq(whole.sides().filter(of_sums)), "{keep}");
             assert!(whole.sides().map(|(side, _)| side).eq(&rendering.sides()));
-            let of_pixels = rendering.feature_sums(0..50).expect("features were asked for");
+            let of_pixels = sums.features.expect("features were asked for");
             let y = of_pixels.iter().map(|pixel| (pixel.normal[1] / f64::from(spp)) as f32);
             let normals = whole.side(&Side::Normal).expect("normals");
             assert!(y.eq(normals[37 * 50..2 * 37 * 50].iter().copied()), "{keep}");

@@ -1,6 +1,6 @@
 //! What a rendering is asked for, and what it starts from.
 
-use nst_core::{FeatureSums, FurtherPowers, Keep, LaneSums, SequenceBatch};
+use nst_core::{FurtherPowers, Keep, SampleSums, SequenceBatch};
 
 use crate::SamplerKind;
 
@@ -30,8 +30,7 @@ pub struct RenderSettings {
 pub struct Start {
     /// The kept terms, and the number of samples that were not finite (where any was).
     pub batch: SequenceBatch,
-    /// The sums of all samples, `[lane]`.
-    pub sums: Vec<LaneSums>,
-    /// The sums of the features, `[pixel]`, if the settings ask for them.
-    pub features: Option<Vec<FeatureSums>>,
+    /// The sums of all samples, with those of the features if the settings ask for them, and of
+    /// the settings' further powers.
+    pub sums: SampleSums,
 }

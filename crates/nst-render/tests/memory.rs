@@ -49,6 +49,7 @@ fn render_and_store(scene: &Scene, spp: u32, keep: Keep) {
             pixel_filter: scene.pixel_filter.to_string(),
             max_depth: scene.max_depth,
             russian_roulette: scene.russian_roulette,
+            powers: FurtherPowers::NONE,
         }),
     };
     let mut writer = SequenceWriter::create(&mut output, &info).expect("the header");

@@ -12,6 +12,7 @@ use clap::{
 use nst_core::{Network, SampleNetwork, methods::METHODS};
 
 use super::values::has_extension;
+use crate::oidn;
 
 #[derive(Debug, clap::Args)]
 pub(crate) struct MethodArgs {
@@ -64,6 +65,10 @@ pub(crate) enum TransformArg {
 pub(crate) enum ExpertArg {
     /// The guard's own, which learn from the lanes of the batch.
     Lane,
+    /// The statistical filter.
+    Filter,
+    /// Open Image Denoise.
+    Oidn,
     /// A built-in network that reads terms.
     Builtin(&'static str),
     /// A built-in network that sees samples.
@@ -86,6 +91,8 @@ impl fmt::Display for ExpertArg {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Lane => f.write_str(LANE),
+            Self::Filter => f.write_str(FILTER),
+            Self::Oidn => f.write_str(oidn::NAME),
             Self::Builtin(name) | Self::Samples(name) => f.write_str(name),
             Self::Weights(path) => path.display().fmt(f),
         }
@@ -102,19 +109,25 @@ impl MethodArgs {
 /// What the guard's own experts are called.
 const LANE: &str = "lane";
 
+/// What the filter is called, here and in [`METHODS`].
+pub(crate) const FILTER: &str = "filter";
+
 /// Takes the name of an expert.
 pub(super) fn expert(text: &str) -> Result<ExpertArg, String> {
     let path = Path::new(text);
     match TransformArg::named(text) {
         _ if text == LANE => Ok(ExpertArg::Lane),
+        _ if text == FILTER => Ok(ExpertArg::Filter),
+        _ if text == oidn::NAME => Ok(ExpertArg::Oidn),
         Some(TransformArg::Builtin(name)) => Ok(ExpertArg::Builtin(name)),
         Some(TransformArg::Samples(name)) => Ok(ExpertArg::Samples(name)),
         _ if has_extension(path, "safetensors") => Ok(ExpertArg::Weights(path.to_owned())),
         _ => {
             let networks: Vec<_> = SampleNetwork::builtins().collect();
             Err(format!(
-                "there is no expert '{text}'; there is {LANE}, which are the guard's own, and there \
-                 are {}, or FILE.safetensors",
+                "there is no expert '{text}'; there are {LANE}, which are the guard's own, {FILTER}, \
+                 {}, {}, or FILE.safetensors",
+                oidn::NAME,
                 networks.join(", ")
             ))
         }

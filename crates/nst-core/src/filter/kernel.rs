@@ -193,6 +193,7 @@ impl<'a> Kernel<'a> {
             let own_noises: [V; C] =
                 from_fn(|c| load(here + first + c * of_channel + NOISE * stride));
             let own_guides: [V; G] = from_fn(|g| minus.mul(load(here + guides + g * stride)));
+            let own_guide_noise = if G > 0 { load(here + guides + G * stride) } else { zero };
             let mut sums = [zero; C];
             let mut total = zero;
             for tap in &self.taps {
@@ -201,9 +202,14 @@ impl<'a> Kernel<'a> {
                 };
                 let there = (row * of_row + RADIUS as usize + x).wrapping_add_signed(tap.x);
                 let mut far = V::splat(tap.far);
-                for (g, own) in own_guides.iter().enumerate() {
-                    let d = own.add(load(there + guides + g * stride));
-                    far = d.mul_add(d, far);
+                if G > 0 {
+                    // What may be noise does not tell pixels apart.
+                    let mut differ = own_guide_noise.add(load(there + guides + G * stride));
+                    for (g, own) in own_guides.iter().enumerate() {
+                        let d = own.add(load(there + guides + g * stride));
+                        differ = d.mul_add(d, differ);
+                    }
+                    far = far.add(differ.max(zero));
                 }
                 let excesses: [V; C] = from_fn(|c| {
                     let channel = there + first + c * of_channel;

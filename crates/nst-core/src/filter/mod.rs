@@ -13,8 +13,10 @@
 //! their distance, and by what tells them apart beside radiance (*guides*: albedo, normal):
 //!
 //! ```text
-//! w = (1 − s/8)⁸₊ ≈ exp(−s),   s = |p − q|²/(2 σ²) + Σ (g_p − g_q)²/(2 σ_g²).
+//! w = (1 − s/8)⁸₊ ≈ exp(−s),   s = |p − q|²/(2 σ²) + (Σ ((g_p − g_q)² − v_p − v_q)/(2 σ_g²))₊,
 //! ```
+//!
+//! where v is the variance of a guide: what may be noise does not tell pixels apart.
 //!
 //! After Sakai, Freude, Auzinger, Hahn, Wimmer: *A Statistical Approach to Monte Carlo
 //! Denoising* (SIGGRAPH Asia 2024).
@@ -23,14 +25,15 @@ mod kernel;
 mod planes;
 
 use kernel::Kernel;
-#[cfg(any(feature = "gpu", test))]
-pub(crate) use planes::Guide;
-pub(crate) use planes::{Means, Planes, RADIUS};
+pub(crate) use planes::{Guide, Means, Planes, RADIUS};
 
 use crate::{
     Error, Estimates, Fitted, FurtherPowers, Instructions, Requirements, SequenceBatch, Side,
     Status, Strips, Support, Transform, fold_count,
 };
+
+/// How many rows above and below a lane its estimate depends on.
+pub(crate) const REACH: u32 = RADIUS + planes::BLUR;
 
 /// The filter as a method of its own.
 #[derive(Clone, Copy, Debug)]
@@ -59,9 +62,16 @@ impl WelchFilter {
 
 impl Transform for WelchFilter {
     fn requires(&self) -> Requirements {
-        let support = Support::Radius(RADIUS + planes::BLUR);
+        let support = Support::Radius(REACH);
         let powers = FurtherPowers::NONE;
-        Requirements { window: 1, sides: Side::EVERY_OF_FOLDS, powers, support, fits: false }
+        Requirements {
+            window: 1,
+            sides: Side::EVERY_OF_FOLDS,
+            optional: &[],
+            powers,
+            support,
+            fits: false,
+        }
     }
 
     fn fit(&self, _: &mut dyn Strips) -> Result<Box<dyn Fitted + '_>, Error> {

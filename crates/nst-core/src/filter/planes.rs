@@ -1,5 +1,7 @@
 //! What the filter reads of a strip, in the order in which it reads it.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::{FOLDS, Grid, mean_of_folds};
@@ -33,15 +35,19 @@ pub(crate) struct Means<'a> {
 }
 
 /// What tells pixels apart beside radiance.
+#[derive(Clone, Copy)]
 pub(crate) struct Guide<'a> {
     /// `[pixel]`
     pub(crate) values: &'a [f32],
+    /// The variances of the values, `[pixel]`.
+    pub(crate) variances: &'a [f32],
     /// σ_g
     pub(crate) scale: f32,
 }
 
 /// The planes of a strip: of each channel the mean, the mean root, and −t² times the variance
-/// of the latter; then the guides, in units in which their squares count.
+/// of the latter; then the guides, in units in which their squares count, and the sum of their
+/// variances, with a minus.
 pub(crate) struct Planes {
     pub(crate) grid: Grid,
     pub(crate) guides: usize,
@@ -66,7 +72,7 @@ const BAND: usize = 16;
 impl Planes {
     pub(crate) fn new(grid: &Grid, means: &Means<'_>, guides: &[Guide<'_>]) -> Self {
         let stride = grid.width().next_multiple_of(PACKET) + 2 * RADIUS as usize;
-        let of_row = (OF_CHANNEL * grid.channels() + guides.len()) * stride;
+        let of_row = (OF_CHANNEL * grid.channels() + of_guides(guides.len())) * stride;
         let mut values = vec![0.0; grid.rows() * of_row];
         let bands = values.par_chunks_mut(BAND * of_row).enumerate();
         bands.for_each_init(
@@ -78,13 +84,8 @@ impl Planes {
                 }
                 let guides_from = OF_CHANNEL * grid.channels() * stride;
                 for (y, row) in (first..first + count).zip(rows.chunks_exact_mut(of_row)) {
-                    for (plane, guide) in row[guides_from..].chunks_exact_mut(stride).zip(guides) {
-                        // (g/(4 σ))² is g²/(2 σ²)/8.
-                        let factor = 0.25 / guide.scale;
-                        let source = &guide.values[y * grid.width()..];
-                        let place = &mut plane[LEFT..][..grid.width()];
-                        place.iter_mut().zip(source).for_each(|(place, g)| *place = factor * g);
-                    }
+                    let pixels = y * grid.width()..(y + 1) * grid.width();
+                    write_guides(&mut row[guides_from..], stride, guides, &pixels);
                     band.set_apart(row);
                 }
             },
@@ -94,12 +95,32 @@ impl Planes {
 
     /// How many there are.
     pub(crate) fn count(&self) -> usize {
-        OF_CHANNEL * self.grid.channels() + self.guides
+        OF_CHANNEL * self.grid.channels() + of_guides(self.guides)
     }
 
     /// How many numbers a row has.
     pub(crate) fn of_row(&self) -> usize {
         self.count() * self.stride
+    }
+}
+
+/// How many planes guides have.
+fn of_guides(guides: usize) -> usize {
+    guides + usize::from(guides > 0)
+}
+
+/// Writes the planes of guides into a row that has these pixels.
+fn write_guides(row: &mut [f32], stride: usize, guides: &[Guide<'_>], pixels: &Range<usize>) {
+    let (planes, noise) = row.split_at_mut(guides.len() * stride);
+    for (plane, guide) in planes.chunks_exact_mut(stride).zip(guides) {
+        // (g/(4 σ))² is g²/(2 σ²)/8.
+        let factor = 0.25 / guide.scale;
+        for (place, value) in plane[LEFT..].iter_mut().zip(&guide.values[pixels.clone()]) {
+            *place = factor * value;
+        }
+        for (sum, variance) in noise[LEFT..].iter_mut().zip(&guide.variances[pixels.clone()]) {
+            *sum -= factor * factor * variance;
+        }
     }
 }
 

@@ -33,8 +33,16 @@ pub(crate) fn guides(pixels: usize, count: usize) -> Vec<Vec<f32>> {
     (0..count).map(|guide| (0..pixels).map(|pixel| wave(guide, pixel)).collect()).collect()
 }
 
+/// The variance of every guide of a pixel.
+fn guide_variance(pixel: usize) -> f32 {
+    (pixel % 3) as f32 * 0.01
+}
+
 pub(crate) fn planes_of(batch: &SequenceBatch, guides: &[Vec<f32>]) -> Planes {
-    let guides: Vec<_> = guides.iter().map(|values| Guide { values, scale: 0.4 }).collect();
+    let variances: Vec<f32> = (0..guides.first().map_or(0, Vec::len)).map(guide_variance).collect();
+    let variances = &variances;
+    let guide = |values| Guide { values, variances, scale: 0.4 };
+    let guides: Vec<_> = guides.iter().map(|values| guide(values)).collect();
     let root = roots(batch);
     let means = Means { samples: SAMPLES as f64, mean: batch.last(), root: &root };
     Planes::new(batch.grid().expect("a picture"), &means, &guides)
@@ -91,11 +99,14 @@ fn oracle(batch: &SequenceBatch, guides: &[Vec<f32>]) -> Vec<f64> {
                         if r2 > 100.0 || !alike {
                             continue;
                         }
-                        let mut s = r2 / 50.0;
+                        let mut differ = 0.0;
                         for guide in guides {
-                            let [p, q] = [at(x, y, 0), at(qx, qy, 0)].map(|i| number(guide, i));
-                            s += (p - q).powi(2) / (2.0 * 0.4 * 0.4);
+                            let pixels = [at(x, y, 0), at(qx, qy, 0)];
+                            let [p, q] = pixels.map(|i| number(guide, i));
+                            let [v, w] = pixels.map(|i| f64::from(guide_variance(i)));
+                            differ += ((p - q).powi(2) - v - w) / (2.0 * 0.4 * 0.4);
                         }
+                        let s = r2 / 50.0 + f64::max(differ, 0.0);
                         let weight = (1.0 - s / 8.0).max(0.0).powi(8);
                         total += weight;
                         for (c, sum) in sums.iter_mut().enumerate() {

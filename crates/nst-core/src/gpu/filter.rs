@@ -83,7 +83,9 @@ impl FilterGpu {
         let mean: Vec<f32> = (0..grid.lanes()).map(|lane| 1.0 + 0.2 * noise(lane)).collect();
         let root: Vec<f32> = mean.iter().map(|mean| (mean - 0.05).sqrt()).collect();
         let values: Vec<f32> = (0..grid.pixels()).map(noise).collect();
-        let guides: [_; 6] = std::array::from_fn(|_| Guide { values: &values, scale: 1.0 });
+        let variances = vec![0.01; values.len()];
+        let guide = Guide { values: &values, variances: &variances, scale: 1.0 };
+        let guides: [_; 6] = std::array::from_fn(|_| guide);
         let planes =
             Planes::new(&grid, &Means { samples: 16.0, mean: &mean, root: &root }, &guides);
         let [mut on_gpu, mut on_cpu] = [vec![0.0; mean.len()], vec![0.0; mean.len()]];

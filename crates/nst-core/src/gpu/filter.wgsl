@@ -51,6 +51,10 @@ fn transform(@builtin(global_invocation_id) id: vec3<u32>) {
     for (var g = 0u; g < GUIDES; g++) {
         own_guides[g] = at(here, guides + g);
     }
+    var own_guide_noise = 0.0;
+    if GUIDES > 0u {
+        own_guide_noise = at(here, guides + GUIDES);
+    }
     var total = 0.0;
     for (var dy = max(-RADIUS, -y); dy <= min(RADIUS, i32(params.rows) - 1 - y); dy++) {
         for (var dx = -RADIUS; dx <= RADIUS; dx++) {
@@ -69,9 +73,14 @@ fn transform(@builtin(global_invocation_id) id: vec3<u32>) {
                 continue;
             }
             var far = f32(squares) / SPREAD - 1.0;
-            for (var g = 0u; g < GUIDES; g++) {
-                let d = own_guides[g] - at(there, guides + g);
-                far += d * d;
+            if GUIDES > 0u {
+                // What may be noise does not tell pixels apart.
+                var differ = own_guide_noise + at(there, guides + GUIDES);
+                for (var g = 0u; g < GUIDES; g++) {
+                    let d = own_guides[g] - at(there, guides + g);
+                    differ += d * d;
+                }
+                far += max(differ, 0.0);
             }
             let near = min(far, 0.0);
             let square = near * near;

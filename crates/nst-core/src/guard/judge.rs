@@ -76,21 +76,24 @@ pub(super) fn judge(
     let mut judged = Judged::none();
     parts.into_iter().for_each(|part| judged.add(part));
     let lanes = sample.lanes().max(1) as f64;
-    let samples: f64 = sample.counts.iter().sum();
-    let (gain, error) = ratio(&judged.pixels);
-    let ratio = (1.0 + gain).max(0.0);
-    let half = if judged.trust.iter().all(|&sum| sum == 0.0) {
-        0.0
-    } else {
-        ERRORS * error + CONSTANT + FEW_SAMPLES / samples
-    };
+    let trusted = judged.trust.iter().any(|&sum| sum > 0.0);
+    let (ratio, interval) = interval(&judged.pixels, sample.counts.iter().sum(), trusted);
     let judgement = Judgement {
         experts: names.into_iter().zip(judged.trust.map(|sum| sum / lanes)).collect(),
         ratio,
-        interval: [(ratio - half).max(0.0), ratio + half],
+        interval,
         notes,
     };
     (judgement, judged.error_ratios())
+}
+
+/// The predicted MSE ratio and its interval, of draws that each have the change of the squared error
+/// and the variance of S.
+pub(super) fn interval(draws: &[[f64; 2]], samples: f64, trusted: bool) -> (f64, [f64; 2]) {
+    let (gain, error) = ratio(draws);
+    let ratio = (1.0 + gain).max(0.0);
+    let half = if trusted { ERRORS * error + CONSTANT + FEW_SAMPLES / samples } else { 0.0 };
+    (ratio, [(ratio - half).max(0.0), ratio + half])
 }
 
 /// What the squares of h_j − S_j are weighed by, so that their sum estimates the variance of S

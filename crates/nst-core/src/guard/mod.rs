@@ -22,6 +22,7 @@ mod alone;
 mod hats;
 mod judge;
 mod logarithm;
+mod picture;
 mod refit;
 mod regression;
 mod sample;
@@ -36,18 +37,22 @@ use rayon::prelude::*;
 pub use alone::Alone;
 pub use judge::Judgement;
 use judge::{ErrorRatios, judge};
+pub use picture::{PictureExpert, PictureGuard, SeenFeature, SeenPicture};
 use refit::{Adapting, Refit};
 use regression::Regressions;
-use sample::{CHUNK, FoldMeans, FurtherMeans, GROUPS, Sample, fold_means, further_means, part_of};
+use sample::{
+    CHUNK, FoldMeans, FurtherMeans, GROUPS, Sample, fold_means, further_means, part_of,
+    shares_without,
+};
 use seen::STATISTICS;
 pub use seen::{Expert, Features, OfTransform, Seen};
 use simplex::MOST;
 use table::Table;
-use view::{Lanes, View};
+use view::{Lanes, View, weighted};
 use weights::{Changes, Weights, strata};
 
 use crate::{
-    Error, Estimates, FOLDS, Fit, Fitted, FurtherPowers, Power, Requirements, SequenceBatch,
+    Error, Estimates, FOLDS, Fit, Fitted, FurtherPowers, Grid, Power, Requirements, SequenceBatch,
     Status, Strips, Transform,
 };
 
@@ -83,6 +88,8 @@ struct Learnt {
     counts: [f64; FOLDS],
     /// Further powers that experts see.
     powers: Vec<Power>,
+    /// How many pixels the batch has.
+    pixels: usize,
 }
 
 /// The experts that learn from the batch.
@@ -198,7 +205,8 @@ impl Guard {
         let (judgement, errors) =
             judge(&changes, &weights, names.map(str::to_owned).collect(), notes);
         let powers = sample.further().into_iter().map(|(power, _)| power).collect();
-        let learnt = Learnt { corrections, weights, errors, unit, counts, powers };
+        let pixels = sample.pixels_of_batch();
+        let learnt = Learnt { corrections, weights, errors, unit, counts, powers, pixels };
         FittedGuard { experts, refits, learnt: Ok(learnt), judgement }
     }
 
@@ -273,9 +281,55 @@ impl FittedGuard<'_> {
         &self.judgement
     }
 
+    /// What the blend changes in the lanes of the inner rows of a strip, without a group of folds;
+    /// 0 where it fails. That group has taught nothing of it: the other half of the chessboard has.
+    fn changes(&self, strip: &SequenceBatch, grid: &Grid, group: usize) -> Vec<f32> {
+        let (Ok(learnt), Some(means)) = (&self.learnt, fold_means(strip)) else {
+            return vec![0.0; grid.inner(strip.last()).len()];
+        };
+        let plain = match group {
+            GROUPS => strip.last().to_vec(),
+            _ => weighted(&means[0], &shares_without(&learnt.counts, group)),
+        };
+        let mut estimates = Estimates::default();
+        if self.without(group, learnt, strip, &means, &mut estimates).is_err() {
+            return vec![0.0; grid.inner(strip.last()).len()];
+        }
+        let pairs = estimates.values().iter().zip(&plain);
+        let change = |(estimate, plain): (&f32, &f32)| {
+            let change = estimate - plain;
+            if change.is_finite() { change } else { 0.0 }
+        };
+        grid.inner(&pairs.map(change).collect::<Vec<_>>()).into_owned()
+    }
+
+    /// Estimates all lanes of a strip without a group; of all folds, if there is no such group.
+    fn without(
+        &self,
+        group: usize,
+        learnt: &Learnt,
+        strip: &SequenceBatch,
+        means: &FoldMeans<'_>,
+        out: &mut Estimates,
+    ) -> Result<(), Error> {
+        let further = further_means(strip, &learnt.powers);
+        let (values, status, errors) = out.reset_with_errors(strip.lanes());
+        let chunks = values.par_chunks_mut(CHUNK).zip(status.par_chunks_mut(CHUNK));
+        let chunks = chunks.zip(errors.par_chunks_mut(CHUNK));
+        chunks.enumerate().try_for_each(|(number, ((values, status), errors))| {
+            let first = number * CHUNK;
+            let range = first..first + values.len();
+            let means = means.map(|folds| folds.map(|fold| &fold[range.clone()]));
+            let further = part_of(&further, &range);
+            let chunk = Chunk { strip, first, last: &strip.last()[range], means, further };
+            self.estimate(group, learnt, &chunk, values, status, errors)
+        })
+    }
+
     /// The estimates of some lanes and their errors.
     fn estimate(
         &self,
+        group: usize,
         learnt: &Learnt,
         chunk: &Chunk<'_>,
         values: &mut [f32],
@@ -283,9 +337,11 @@ impl FittedGuard<'_> {
         errors: &mut [f32],
     ) -> Result<(), Error> {
         let Learnt { corrections, weights, errors: ratios, unit, counts, .. } = learnt;
-        let mut view = View::new(&chunk.means, &chunk.further, counts, GROUPS, Some(*unit));
+        let mut view = View::new(&chunk.means, &chunk.further, counts, group, Some(*unit));
         let finite = view.finite();
-        view.mean.copy_from_slice(chunk.last);
+        if group == GROUPS {
+            view.mean.copy_from_slice(chunk.last);
+        }
         let of_experts = self.experts.iter().map(|expert| change(*expert, &view));
         let halves = chunk.strip.halves(chunk.first..chunk.first + values.len());
         let half = |lane: usize| usize::from(halves[lane]);
@@ -296,7 +352,7 @@ impl FittedGuard<'_> {
         changes.extend(of_experts);
         let strata = strata(&lanes, &changes[0]);
         for (lane, (value, strata)) in values.iter_mut().zip(strata).enumerate() {
-            *value = weights.blend(strata, half(lane), chunk.last[lane], &changes, lane);
+            *value = weights.blend(strata, half(lane), lanes.mean[lane], &changes, lane);
             errors[lane] = lanes.variance[lane].sqrt() * ratios.at(strata) as f32;
             if !(finite[lane] && value.is_finite()) {
                 (*value, status[lane], errors[lane]) =
@@ -360,19 +416,7 @@ impl Fitted for FittedGuard<'_> {
                 return Ok(());
             }
         };
-        let further = further_means(strip, &learnt.powers);
-        let (values, status, errors) = out.reset_with_errors(strip.lanes());
-        let chunks = values.par_chunks_mut(CHUNK).zip(status.par_chunks_mut(CHUNK));
-        let chunks = chunks.zip(errors.par_chunks_mut(CHUNK));
-        let estimated = chunks.enumerate().try_for_each(|(number, ((values, status), errors))| {
-            let first = number * CHUNK;
-            let range = first..first + values.len();
-            let means = means.map(|folds| folds.map(|fold| &fold[range.clone()]));
-            let further = part_of(&further, &range);
-            let chunk = Chunk { strip, first, last: &strip.last()[range], means, further };
-            self.estimate(learnt, &chunk, values, status, errors)
-        });
-        if estimated.is_err() {
+        if self.without(GROUPS, learnt, strip, &means, out).is_err() {
             out.fall_back(strip, Status::ExpertFailed);
             out.errors_unknown();
         }

@@ -127,6 +127,11 @@ impl Sample {
         Ok(self)
     }
 
+    /// How many pixels the batch has.
+    pub(super) fn pixels_of_batch(&self) -> usize {
+        self.zeros.iter().sum()
+    }
+
     /// How many lanes it has.
     pub(super) fn lanes(&self) -> usize {
         self.pixels.len() * self.channels
@@ -168,7 +173,7 @@ impl Sample {
     fn add_pixels(&mut self, strip: &SequenceBatch, means: &FoldMeans<'_>) {
         self.channels = strip.grid().map_or(1, |grid| grid.channels());
         let pixels = strip.lanes() / self.channels;
-        let first: usize = self.zeros.iter().sum();
+        let first = self.pixels_of_batch();
         let zeros = |pixel: usize| mix((first + pixel) as u64).leading_zeros() as u8;
         (0..pixels).for_each(|pixel| self.zeros[usize::from(zeros(pixel))] += 1);
         let least = self.least_zeros();

@@ -8,6 +8,7 @@ use crate::{
 pub(super) const STATISTICS: Requirements = Requirements {
     window: 1,
     sides: Side::EVERY_OF_FOLDS,
+    optional: &[],
     powers: FurtherPowers::NONE,
     support: Support::Lane,
     fits: true,

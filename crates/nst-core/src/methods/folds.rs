@@ -13,6 +13,7 @@ pub(super) const CHUNK: usize = 4096;
 pub(super) const OF_FOLDS: Requirements = Requirements {
     window: 1,
     sides: Side::ALL_FOLDS,
+    optional: &[],
     powers: FurtherPowers::NONE,
     support: Support::Lane,
     fits: false,

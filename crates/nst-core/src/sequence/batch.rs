@@ -132,7 +132,7 @@ impl SequenceBatch {
     /// # Errors
     /// [`Error::Batch`] if there is another number of lanes.
     pub fn set_power_sums(&mut self, sums: &PowerSums, n: u32) -> Result<(), Error> {
-        for (index, &power) in sums.powers().iter().enumerate().filter(|_| n as usize >= FOLDS) {
+        for (index, power) in sums.powers().iter().enumerate().filter(|_| n as usize >= FOLDS) {
             for (fold, side) in Side::power_means(power).into_iter().enumerate() {
                 self.set_side(side, sums.means(index, fold, n))?;
             }

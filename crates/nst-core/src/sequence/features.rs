@@ -6,13 +6,13 @@ use super::{FOLDS, Side, fold_count};
 /// lanes, [`LaneSums`](super::LaneSums), with the same weights.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FeatureSums {
-    /// Reflectance, linear RGB in [0, 1].
-    pub albedo: [f64; 3],
-    /// Unit shading normals in world space; zero where there is no surface.
-    pub normal: [f64; 3],
+    /// Reflectance, linear RGB in [0, 1], of each fold: `[channel][fold]`.
+    pub albedo: [[f64; FOLDS]; 3],
+    /// Unit shading normals in world space, `[coordinate][fold]`; zero where there is no surface.
+    pub normal: [[f64; FOLDS]; 3],
     /// Distances to the first surface; 0 where there is none.
     pub depth: f64,
-    /// Radiance that the camera sees directly, of each fold: `[channel][fold]`.
+    /// Radiance that the camera sees directly, `[channel][fold]`.
     pub emission: [[f64; FOLDS]; 3],
 }
 
@@ -28,14 +28,14 @@ impl FeatureSums {
     /// If there is no such channel.
     #[must_use]
     pub fn sum(&self, side: &Side, channel: usize) -> Option<f64> {
+        let all = |[a, b, c, d]: [f64; FOLDS]| a + b + c + d;
         Some(match *side {
-            Side::Albedo => self.albedo[channel],
-            Side::Normal => self.normal[channel],
+            Side::Albedo => all(self.albedo[channel]),
+            Side::Normal => all(self.normal[channel]),
+            Side::Emission => all(self.emission[channel]),
             Side::Depth => self.depth,
-            Side::Emission => {
-                let [a, b, c, d] = self.emission[channel];
-                a + b + c + d
-            }
+            Side::AlbedoFold(fold) => self.albedo[channel][usize::from(fold)],
+            Side::NormalFold(fold) => self.normal[channel][usize::from(fold)],
             Side::EmissionFold(fold) => self.emission[channel][usize::from(fold)],
             _ => return None,
         })
@@ -47,9 +47,9 @@ impl FeatureSums {
     /// If there is no such channel.
     pub fn sum_mut(&mut self, side: &Side, channel: usize) -> Option<&mut f64> {
         Some(match *side {
-            Side::Albedo => &mut self.albedo[channel],
-            Side::Normal => &mut self.normal[channel],
             Side::Depth => &mut self.depth,
+            Side::AlbedoFold(fold) => &mut self.albedo[channel][usize::from(fold)],
+            Side::NormalFold(fold) => &mut self.normal[channel][usize::from(fold)],
             Side::EmissionFold(fold) => &mut self.emission[channel][usize::from(fold)],
             _ => return None,
         })
@@ -59,7 +59,9 @@ impl FeatureSums {
     #[must_use]
     pub fn count(side: &Side, n: u32) -> f64 {
         match *side {
-            Side::EmissionFold(fold) => fold_count(fold.into(), n),
+            Side::AlbedoFold(fold) | Side::NormalFold(fold) | Side::EmissionFold(fold) => {
+                fold_count(fold.into(), n)
+            }
             _ => f64::from(n),
         }
     }
@@ -86,8 +88,8 @@ mod tests {
     #[test]
     fn features_are_means_of_their_sums() {
         let mut pixel = FeatureSums {
-            albedo: [1.0, 2.0, 3.0],
-            normal: [0.0, -5.0, 2.5],
+            albedo: [[0.25; FOLDS], [0.0, 0.0, 2.0, 0.0], [3.0, 0.0, 0.0, 0.0]],
+            normal: [[0.0; FOLDS], [-2.0, -1.0, -1.0, -1.0], [0.0, 2.5, 0.0, 0.0]],
             depth: 20.0,
             emission: [[0.0; FOLDS], [1.0, 2.0, 3.0, 4.0], [8.0; FOLDS]],
         };
@@ -101,11 +103,13 @@ mod tests {
         assert_eq!(of(&pixel, Side::Depth, 0), 4.0);
         assert_eq!(of(&pixel, Side::Emission, 1), 2.0);
         // Of five samples, fold 0 has two.
+        assert_eq!(of(&pixel, Side::AlbedoFold(0), 2), 1.5);
+        assert_eq!(of(&pixel, Side::NormalFold(3), 1), -1.0);
         assert_eq!(of(&pixel, Side::EmissionFold(0), 2), 4.0);
         assert_eq!(of(&pixel, Side::EmissionFold(3), 2), 8.0);
         assert_eq!(of(&pixel, Side::Variance, 0), 9.0);
-        for (side, channels) in Side::STORED_FEATURES.iter().zip([3, 3, 1, 3, 3, 3, 3]) {
-            for channel in 0..channels {
+        for side in Side::STORED_FEATURES {
+            for channel in 0..if *side == Side::Depth { 1 } else { 3 } {
                 let sum = pixel.sum(side, channel).expect("a feature");
                 assert_eq!(pixel.sum_mut(side, channel), Some(&mut { sum }));
             }

@@ -40,7 +40,11 @@ pub enum Side {
     Depth,
     /// A feature: the radiance that the camera sees directly, a part of S_N: `emission`.
     Emission,
-    /// The part of a fold's mean that the camera sees directly: `emission0` … `emission3`.
+    /// The mean of [`Self::Albedo`] over a fold: `albedo0` … `albedo3`.
+    AlbedoFold(u8),
+    /// That of [`Self::Normal`]: `normal0` … `normal3`.
+    NormalFold(u8),
+    /// That of [`Self::Emission`]: `emission0` … `emission3`.
     EmissionFold(u8),
     /// A layer that this version does not know, by its name.
     Other(String),
@@ -98,11 +102,19 @@ impl Side {
 
     /// What a camera sees beside radiance. Renderings have all or none, packed pictures any.
     /// Those of folds are there from [`FOLDS`] samples on.
-    pub const FEATURES: &'static [Self; 4 + FOLDS] = &[
+    pub const FEATURES: &'static [Self; 4 + 3 * FOLDS] = &[
         Self::Albedo,
         Self::Normal,
-        Self::Depth,
         Self::Emission,
+        Self::Depth,
+        Self::AlbedoFold(0),
+        Self::AlbedoFold(1),
+        Self::AlbedoFold(2),
+        Self::AlbedoFold(3),
+        Self::NormalFold(0),
+        Self::NormalFold(1),
+        Self::NormalFold(2),
+        Self::NormalFold(3),
         Self::EmissionFold(0),
         Self::EmissionFold(1),
         Self::EmissionFold(2),
@@ -110,15 +122,14 @@ impl Side {
     ];
 
     /// Features whose sums the others follow from.
-    pub const STORED_FEATURES: &'static [Self; 3 + FOLDS] = &[
-        Self::Albedo,
-        Self::Normal,
-        Self::Depth,
-        Self::EmissionFold(0),
-        Self::EmissionFold(1),
-        Self::EmissionFold(2),
-        Self::EmissionFold(3),
-    ];
+    pub const STORED_FEATURES: &'static [Self] = Self::FEATURES.split_at(3).1;
+
+    /// Features by fold, `[kind][fold]`: albedo, normal, emission.
+    pub const FEATURE_FOLDS: [&'static [Self; FOLDS]; 3] =
+        match Self::FEATURES.split_at(4).1.as_chunks().0 {
+            [albedo, normal, emission] => [albedo, normal, emission],
+            _ => unreachable!(),
+        };
 
     /// The four folds, which methods ask for together.
     pub const ALL_FOLDS: &'static [Self; FOLDS] = Self::OF_FOLDS[0];
@@ -141,11 +152,24 @@ impl Side {
         Self::FEATURES.contains(self)
     }
 
+    /// The same of a fold, for a feature that has folds.
+    #[must_use]
+    pub fn of_fold(&self, fold: u8) -> Option<Self> {
+        match self {
+            Self::Albedo => Some(Self::AlbedoFold(fold)),
+            Self::Normal => Some(Self::NormalFold(fold)),
+            Self::Emission => Some(Self::EmissionFold(fold)),
+            _ => None,
+        }
+    }
+
     /// Whether it is a mean over a fold.
     #[must_use]
     pub fn is_of_fold(&self) -> bool {
         let usual = matches!(self, Self::Fold(_) | Self::Root(_) | Self::Square(_));
-        usual || matches!(self, Self::PowerMean(..) | Self::EmissionFold(_))
+        let of_feature =
+            matches!(self, Self::AlbedoFold(_) | Self::NormalFold(_) | Self::EmissionFold(_));
+        usual || of_feature || matches!(self, Self::PowerMean(..))
     }
 
     /// The four folds' power means of a power that [every batch with folds](Power::is_usual)
@@ -169,7 +193,7 @@ impl Side {
     pub fn extent(&self) -> Extent {
         match self {
             Self::Skipped | Self::Depth => Extent::Pixel,
-            Self::Normal => Extent::Vector,
+            Self::Normal | Self::NormalFold(_) => Extent::Vector,
             _ => Extent::Lane,
         }
     }
@@ -180,6 +204,7 @@ impl Side {
         match self {
             Self::Fold(_) | Self::Root(_) | Self::Square(_) => Merging::Mean,
             Self::Albedo | Self::Normal | Self::Depth => Merging::Mean,
+            Self::AlbedoFold(_) | Self::NormalFold(_) => Merging::Mean,
             Self::Emission | Self::EmissionFold(_) => Merging::Mean,
             Self::PowerMean(power, _) => Merging::PowerMean(*power),
             Self::Variance => Merging::VarianceOfMean,
@@ -205,6 +230,8 @@ impl fmt::Display for Side {
             Self::Normal => f.write_str("normal"),
             Self::Depth => f.write_str("depth"),
             Self::Emission => f.write_str("emission"),
+            Self::AlbedoFold(fold) => write!(f, "albedo{fold}"),
+            Self::NormalFold(fold) => write!(f, "normal{fold}"),
             Self::EmissionFold(fold) => write!(f, "emission{fold}"),
             Self::Other(name) => f.write_str(name),
         }

@@ -215,8 +215,9 @@ impl Feature {
 
     /// The side channels that it becomes.
     pub(super) fn sides(&self) -> Vec<Side> {
-        let folds = self.side == Side::Emission && self.pictures.len() >= FOLDS;
-        let folds = (0..FOLDS as u8).filter(|_| folds).map(Side::EmissionFold);
+        let has_folds = self.pictures.len() >= FOLDS;
+        let folds = (0..FOLDS as u8).filter(|_| has_folds);
+        let folds = folds.filter_map(|fold| self.side.of_fold(fold));
         [self.side.clone()].into_iter().chain(folds).collect()
     }
 
@@ -235,20 +236,22 @@ impl Feature {
                 nothing.for_each(|value| *value = 0.0);
             }
             self.nonfinite += values.iter().filter(|value| !value.is_finite()).count() as u64;
-            for (side, means) in &mut means {
-                if !matches!(side, Side::EmissionFold(fold) if usize::from(*fold) != i % FOLDS) {
-                    means.add(&values);
-                }
-            }
+            let fold = self.side.of_fold((i % FOLDS) as u8);
+            let takes = |side: &Side| !side.is_of_fold() || Some(side) == fold.as_ref();
+            let of_picture = means.iter_mut().filter(|(side, _)| takes(side));
+            of_picture.for_each(|(_, means)| means.add(&values));
         }
         let mut sides: Vec<(Side, Vec<f32>)> =
             means.into_iter().map(|(side, means)| (side, means.rounded())).collect();
-        for (_, values) in &mut sides {
-            self.out_of_range += match self.side {
+        for (side, values) in &mut sides {
+            let out_of_range = match self.side {
                 Side::Albedo => clip_colors(values),
                 Side::Normal => shorten_normals(values),
                 _ => 0,
             };
+            if !side.is_of_fold() {
+                self.out_of_range += out_of_range;
+            }
             self.has_values |= values.iter().any(|&value| value != 0.0);
         }
         Ok(sides)

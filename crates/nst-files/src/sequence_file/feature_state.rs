@@ -1,6 +1,6 @@
 //! The f64 sums of the features of a rendering, stored as those of its lanes are
-//! ([`super::state`]): `state.albedo`, `state.normal`, `state.depth`, and `state.emission0` …
-//! `state.emission3`, each with the channels of its feature.
+//! ([`super::state`]): `state.depth`, and those of each fold, `state.albedo0` …, `state.normal0` …,
+//! `state.emission0` …, each with the channels of its feature.
 
 use std::ops::Range;
 

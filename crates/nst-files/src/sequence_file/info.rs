@@ -1,8 +1,8 @@
 //! What a sequence file says about itself.
 
-use nst_core::{Grid, Keep, Side};
+use nst_core::{FurtherPowers, Grid, Keep, Side};
 
-use super::{feature_state, state};
+use super::{feature_state, power_state, state};
 use crate::{ColorModel, Error, layers::layer_channels, rows::Channel};
 
 /// The version of the format that this module writes, and the only one it reads.
@@ -42,6 +42,8 @@ pub struct ResumeInfo {
     pub max_depth: u32,
     /// Whether Russian roulette may end paths early.
     pub russian_roulette: bool,
+    /// The further powers of the samples whose sums there are.
+    pub powers: FurtherPowers,
 }
 
 impl SequenceInfo {
@@ -75,14 +77,19 @@ impl SequenceInfo {
 
     /// The channels of the state, none if the rendering cannot be continued.
     pub(super) fn state_channels(&self) -> Vec<Channel> {
-        if self.resume.is_none() {
-            return Vec::new();
-        }
+        let Some(resume) = &self.resume else { return Vec::new() };
         let mut channels = state::channels(self.model);
         if self.has_features() {
             channels.extend(feature_state::channels());
         }
+        channels.extend(power_state::channels(resume.powers, self.model));
         channels
+    }
+
+    /// The further powers whose sums a state has.
+    #[must_use]
+    pub fn further_powers(&self) -> FurtherPowers {
+        self.resume.as_ref().map_or(FurtherPowers::NONE, |resume| resume.powers)
     }
 
     /// Whether there are features, which a state then has, too.

@@ -4,8 +4,10 @@
 //! `Variance` and `Skipped` are the side channels; `state.…` is what a rendering is
 //! continued from.
 
+mod channels;
 mod feature_state;
 mod info;
+mod power_state;
 mod reader;
 mod state;
 mod whole;

@@ -1,30 +1,26 @@
 //! Reads sequence files row by row.
 
-use std::{
-    borrow::Cow,
-    collections::{BTreeMap, BTreeSet},
-    path::Path,
-};
+use std::{borrow::Cow, path::Path};
 
-use exr::prelude::SampleType;
 use ndarray::Array2;
-use nst_core::{FOLDS, FeatureSums, Grid, LaneSums, SequenceBatch, Side, Strips};
+use nst_core::{FOLDS, FurtherPowers, Grid, LaneSums, SampleSums, SequenceBatch, Side, Strips};
 use rayon::prelude::*;
 
 use super::{
+    channels::Channels,
     feature_state,
-    info::{ResumeInfo, SequenceInfo, VERSION, term_name},
+    info::{ResumeInfo, SequenceInfo, VERSION},
+    power_state,
     state::{self, KnownLanes},
 };
 use crate::{
     ColorModel, Error,
-    layers::channel_name,
     limits::{BLOCK_ROWS, strip_rows},
     rows::{Attribute, RowReader, Rows},
 };
 
-/// A strip, and the sums of its lanes and of its features if the file contains them.
-type StripWithSums = (SequenceBatch, Option<Vec<LaneSums>>, Option<Vec<FeatureSums>>);
+/// A strip, and its sums if the file contains them.
+type StripWithSums = (SequenceBatch, Option<SampleSums>);
 
 /// Reads a sequence strip by strip, so that it need not fit into memory.
 pub struct SequenceReader {
@@ -34,8 +30,8 @@ pub struct SequenceReader {
     terms: Vec<usize>,
     /// Which are those of the side channels, `[side][channel]`.
     sides: Vec<Vec<usize>>,
-    /// Which are those of the state, `[sum][word][channel]`, and then those of the features'
-    /// state.
+    /// Which are those of the state: `[sum][word][channel]`, and then those of the states of
+    /// features and of further powers.
     state: Vec<usize>,
     /// Rows of a strip, a multiple of 16.
     step: u32,
@@ -81,7 +77,7 @@ impl SequenceReader {
         let model = channels.model();
         // Early files lack some of the sums with which a rendering is continued.
         let has_sums = channels.has_layer("state.square0.hi", model);
-        let resume = header.resume()?.filter(|_| has_sums);
+        let resume = header.resume(channels.powers(model))?.filter(|_| has_sums);
         let terms = channels.terms(model, &sample_counts)?;
         let (names, sides): (Vec<_>, _) =
             channels.sides(model, &sample_counts)?.into_iter().unzip();
@@ -129,14 +125,17 @@ impl SequenceReader {
         let Some((rows, grid)) = self.next_rows()? else { return Ok(None) };
         let batch = self.batch(&rows, grid)?;
         if self.state.is_empty() {
-            return Ok(Some((batch, None, None)));
+            return Ok(Some((batch, None)));
         }
-        let (lanes, features) =
-            self.state.split_at(2 * state::SUMS * self.info.model.channels().len());
-        let sums = sums(&words(&rows, lanes), &batch);
+        let (channels, powers) = (self.info.model.channels().len(), self.info.further_powers());
+        let (lanes, others) = self.state.split_at(2 * state::SUMS * channels);
+        let of_powers = 2 * FOLDS * powers.count() * channels;
+        let (features, of_powers) = others.split_at(others.len() - of_powers);
+        let lanes = sums(&words(&rows, lanes), &batch);
         let features =
             (!features.is_empty()).then(|| feature_state::joined(&batch, &words(&rows, features)));
-        Ok(Some((batch, Some(sums), features)))
+        let powers = power_state::joined(&batch, powers, &words(&rows, of_powers))?;
+        Ok(Some((batch, Some(SampleSums { lanes, features, powers }))))
     }
 
     /// Reads the rows of the next strip, and those of its halo.
@@ -216,12 +215,14 @@ fn check_resumable(info: &SequenceInfo) -> Result<(), String> {
     let n = info.samples();
     let folds = Side::EVERY_OF_FOLDS.iter().filter(|_| n as usize >= FOLDS);
     let features = info.has_features().then(|| Side::of_features(n)).into_iter().flatten();
+    let powers = resume.powers.sides().filter(|_| n as usize >= FOLDS);
     if info.has_features() && info.model != ColorModel::Rgb {
         return Err("it has features ('albedo' …) and a state, but not the channels R, G and B; \
                     without attribute 'nst.keep' it is a sequence that cannot be continued"
             .into());
     }
-    if let Some(side) = folds.chain(features).find(|&side| !info.sides.contains(side)) {
+    let mut needed = folds.chain(features).cloned().chain(powers);
+    if let Some(side) = needed.find(|side| !info.sides.contains(side)) {
         return Err(format!(
             "layer '{side}' is missing, without which its state cannot be read; without \
              attribute 'nst.keep' it is a sequence that cannot be continued"
@@ -234,90 +235,6 @@ fn check_resumable(info: &SequenceInfo) -> Result<(), String> {
         ));
     }
     Ok(())
-}
-
-/// The channels of a file: index and type, by name.
-struct Channels<'a> {
-    path: &'a Path,
-    by_name: BTreeMap<String, (usize, SampleType)>,
-}
-
-impl<'a> Channels<'a> {
-    fn of(path: &'a Path, rows: &RowReader) -> Self {
-        let channels = rows.channels().enumerate();
-        Self { path, by_name: channels.map(|(i, (name, kind))| (name, (i, kind))).collect() }
-    }
-
-    fn model(&self) -> ColorModel {
-        let has = |name| self.by_name.contains_key(name);
-        if has("R") || !has("Y") { ColorModel::Rgb } else { ColorModel::Mono }
-    }
-
-    fn has_layer(&self, layer: &str, model: ColorModel) -> bool {
-        let mut names = model.channels().iter().map(|channel| channel_name(layer, channel));
-        names.all(|name| self.by_name.contains_key(&name))
-    }
-
-    fn find(&self, name: &str, kind: SampleType) -> Result<usize, Error> {
-        match self.by_name.get(name) {
-            Some(&(index, found)) if found == kind => Ok(index),
-            Some(_) => Err(Error::malformed(
-                self.path,
-                format!("channel '{name}' is not of type {kind:?}"),
-            )),
-            None => Err(Error::malformed(self.path, format!("channel '{name}' is missing"))),
-        }
-    }
-
-    fn layer(&self, channels: &[&str], layer: &str) -> Result<Vec<usize>, Error> {
-        let names = channels.iter().map(|channel| channel_name(layer, channel));
-        names.map(|name| self.find(&name, SampleType::F32)).collect()
-    }
-
-    /// The channels of the terms, `[term][channel]`.
-    fn terms(&self, model: ColorModel, sample_counts: &[u32]) -> Result<Vec<usize>, Error> {
-        // The picture repeats the last term; it is not read, but must be there.
-        self.layer(model.channels(), "")?;
-        let mut terms = Vec::new();
-        for &count in sample_counts {
-            terms.extend(self.layer(model.channels(), &term_name(count))?);
-        }
-        Ok(terms)
-    }
-
-    /// The side channels: layers beside the picture, the terms and the state. A layer that
-    /// this version knows must have the right channels. One that it does not know, or that has
-    /// the name of a feature but not its channels, becomes a side channel if it has the channels
-    /// of the picture, as 32-bit floats, and is ignored otherwise.
-    fn sides(
-        &self,
-        model: ColorModel,
-        sample_counts: &[u32],
-    ) -> Result<BTreeMap<Side, Vec<usize>>, Error> {
-        let terms: BTreeSet<String> = sample_counts.iter().copied().map(term_name).collect();
-        let layers: BTreeSet<&str> = self
-            .by_name
-            .keys()
-            .filter_map(|name| Some(name.rsplit_once('.')?.0))
-            .filter(|layer| !terms.contains(*layer) && !layer.starts_with("state."))
-            .collect();
-        let mut sides = BTreeMap::new();
-        for layer in layers {
-            let Ok(side) = layer.parse::<Side>();
-            match (self.layer(model.side_channels(&side), layer), &side) {
-                (Ok(channels), _) => drop(sides.insert(side, channels)),
-                (Err(_), Side::Other(_)) => {}
-                // Other programs have layers of such names, too.
-                (Err(_), side) if side.is_feature() => {
-                    if let Ok(channels) = self.layer(model.channels(), layer) {
-                        sides.insert(Side::Other(layer.into()), channels);
-                    }
-                }
-                (Err(error), _) => return Err(error),
-            }
-        }
-        Ok(sides)
-    }
 }
 
 /// The attributes of a file.
@@ -379,7 +296,7 @@ impl Header<'_> {
         Ok(())
     }
 
-    fn resume(&self) -> Result<Option<ResumeInfo>, Error> {
+    fn resume(&self, powers: FurtherPowers) -> Result<Option<ResumeInfo>, Error> {
         let Some(keep) = self.optional("nst.keep")? else { return Ok(None) };
         let keep = keep
             .parse()
@@ -397,6 +314,7 @@ impl Header<'_> {
                     return Err(Error::malformed(self.path, message));
                 }
             },
+            powers,
         }))
     }
 }

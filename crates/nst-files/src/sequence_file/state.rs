@@ -74,7 +74,7 @@ fn flat(sums: &LaneSums) -> [f64; SUMS] {
 /// How far a sum may be, relatively, from the 32-bit float that the file has of it: 2⁻²⁴ by
 /// rounding, and 2⁻²⁰ where a program has copied the file that stores integers as 32-bit
 /// floats, and a word of a state is off by one.
-const LOST_BITS: f64 = 1.0 / (1 << 17) as f64;
+pub(super) const LOST_BITS: f64 = 1.0 / (1 << 17) as f64;
 
 /// Whether a number agrees with what the file says of it, but for rounding relative to `scale`.
 pub(super) fn close(a: f64, b: f32, scale: f64) -> bool {

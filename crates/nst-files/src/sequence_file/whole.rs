@@ -3,12 +3,15 @@
 use std::{ops::Range, path::Path};
 
 use ndarray::Array2;
-use nst_core::{FeatureSums, Grid, LaneSums, SequenceBatch, Side};
+use nst_core::{
+    FOLDS, FeatureSums, FurtherPowers, Grid, LaneSums, PowerSums, SampleSums, SequenceBatch, Side,
+};
 use rayon::prelude::*;
 
 use super::{
     feature_state,
     info::SequenceInfo,
+    power_state,
     reader::SequenceReader,
     state::{KnownLanes, agree},
     writer::SequenceWriter,
@@ -23,9 +26,7 @@ pub struct SequenceFile {
     /// Planar lanes.
     pub batch: SequenceBatch,
     /// What the rendering can be continued from, if [`SequenceInfo::resume`] says how.
-    pub sums: Option<Vec<LaneSums>>,
-    /// The sums of its features, `[pixel]`, if it can be continued and has features.
-    pub features: Option<Vec<FeatureSums>>,
+    pub sums: Option<SampleSums>,
 }
 
 impl SequenceFile {
@@ -36,7 +37,7 @@ impl SequenceFile {
     /// do not fit together.
     pub fn write(&self, output: &mut OutputFile) -> Result<(), Error> {
         let mut writer = SequenceWriter::create(output, &self.info)?;
-        writer.push_with_features(&self.batch, self.sums.as_deref(), self.features.as_deref())?;
+        writer.push(&self.batch, self.sums.as_ref())?;
         writer.finish()
     }
 
@@ -72,16 +73,9 @@ impl SequenceFile {
             let channels = info.model.side_channels(side).len();
             reserve(path, values, channels, grid.pixels())?;
         }
-        let mut sums = info.resume.as_ref().map(|_| Vec::new());
-        if let Some(sums) = &mut sums {
-            reserve(path, sums, 1, grid.lanes())?;
-        }
-        let mut features = (sums.is_some() && info.has_features()).then(Vec::new);
-        if let Some(features) = &mut features {
-            reserve(path, features, 1, grid.pixels())?;
-        }
+        let mut sums = Sums::new(path, &info, &grid)?;
         let mut rows = 0..0;
-        while let Some((strip, strip_sums, strip_features)) = reader.next_with_sums()? {
+        while let Some((strip, strip_sums)) = reader.next_with_sums()? {
             let strip_rows = strip.grid().map_or(0, Grid::rows);
             rows = rows.end..rows.end + strip_rows;
             let place = rows.start * grid.width()..rows.end * grid.width();
@@ -91,13 +85,9 @@ impl SequenceFile {
             for (side, values) in &mut sides {
                 put(values, &grid, &place, strip.side(side).unwrap_or_default());
             }
-            if let (Some(sums), Some(strip_sums)) = (&mut sums, &strip_sums) {
+            if let Some(strip_sums) = &strip_sums {
                 check_sums(path, &strip, strip_sums)?;
-                put(sums, &grid, &place, strip_sums);
-            }
-            if let (Some(features), Some(strip_features)) = (&mut features, &strip_features) {
-                check_features(path, &strip, strip_features)?;
-                put(features, &grid, &place, strip_features);
+                sums.put(&grid, &place, strip_sums);
             }
         }
         let terms = Array2::from_shape_vec((info.sample_counts.len(), grid.lanes()), terms)
@@ -107,27 +97,58 @@ impl SequenceFile {
         for (side, values) in sides {
             batch.set_side(side, values)?;
         }
-        Ok(Self { info, batch, sums, features })
+        let sums = info.resume.is_some().then(|| sums.complete(info.further_powers()));
+        Ok(Self { sums: sums.transpose()?, info, batch })
+    }
+}
+
+/// The [`SampleSums`] of a whole picture, strip by strip.
+struct Sums {
+    lanes: Vec<LaneSums>,
+    features: Option<Vec<FeatureSums>>,
+    /// `[power][lane]`
+    powers: Vec<[f64; FOLDS]>,
+}
+
+impl Sums {
+    /// Of no strips yet; empty if the file has none.
+    fn new(path: &Path, info: &SequenceInfo, grid: &Grid) -> Result<Self, Error> {
+        let mut sums = Self { lanes: Vec::new(), features: None, powers: Vec::new() };
+        if info.resume.is_some() {
+            reserve(path, &mut sums.lanes, 1, grid.lanes())?;
+            reserve(path, &mut sums.powers, info.further_powers().count(), grid.lanes())?;
+            if info.has_features() {
+                reserve(path, sums.features.insert(Vec::new()), 1, grid.pixels())?;
+            }
+        }
+        Ok(sums)
+    }
+
+    fn put(&mut self, grid: &Grid, place: &Range<usize>, strip: &SampleSums) {
+        put(&mut self.lanes, grid, place, &strip.lanes);
+        put(&mut self.powers, grid, place, strip.powers.sums());
+        if let (Some(features), Some(of_strip)) = (&mut self.features, &strip.features) {
+            put(features, grid, place, of_strip);
+        }
+    }
+
+    fn complete(self, powers: FurtherPowers) -> Result<SampleSums, Error> {
+        let Self { lanes, features, powers: sums } = self;
+        Ok(SampleSums { lanes, features, powers: PowerSums::from_sums(powers, sums)? })
     }
 }
 
 /// Fails if sums contradict what the file says beside them: one of the two is damaged.
-fn check_sums(path: &Path, strip: &SequenceBatch, sums: &[LaneSums]) -> Result<(), Error> {
+fn check_sums(path: &Path, strip: &SequenceBatch, sums: &SampleSums) -> Result<(), Error> {
     let known = KnownLanes::new(strip);
     let contradictory = (0..strip.lanes())
         .into_par_iter()
-        .find_first(|&lane| !agree(&sums[lane], strip.last()[lane], &known.lane(lane)));
+        .find_first(|&lane| !agree(&sums.lanes[lane], strip.last()[lane], &known.lane(lane)));
+    let features = sums.features.as_deref();
+    let contradictory = contradictory
+        .or_else(|| feature_state::contradiction(strip, features?))
+        .or_else(|| power_state::contradiction(strip, &sums.powers));
     contradictory.map_or(Ok(()), |lane| Err(contradictory_pixel(path, strip, lane)))
-}
-
-/// The same of the features.
-fn check_features(
-    path: &Path,
-    strip: &SequenceBatch,
-    features: &[FeatureSums],
-) -> Result<(), Error> {
-    let contradictory = feature_state::contradiction(strip, features);
-    contradictory.map_or(Ok(()), |pixel| Err(contradictory_pixel(path, strip, pixel)))
 }
 
 /// Says where sums contradict means, of a lane or a pixel of the strip.

@@ -2,12 +2,13 @@
 
 use std::ops::Range;
 
-use nst_core::{FeatureSums, LaneSums, SequenceBatch, Side};
+use nst_core::{LaneSums, SampleSums, SequenceBatch, Side};
 use rayon::prelude::*;
 
 use super::{
     feature_state,
     info::{ResumeInfo, SequenceInfo, VERSION},
+    power_state,
     state::{self, KnownLanes},
 };
 use crate::{
@@ -35,27 +36,14 @@ impl<'a> SequenceWriter<'a> {
         Ok(Self { rows, info: info.clone() })
     }
 
-    /// Appends rows, with their sums if [`SequenceInfo::resume`] is given. All calls but
-    /// the last need a multiple of 16 rows.
+    /// Appends rows, with their sums if [`SequenceInfo::resume`] is given: then those of the
+    /// features, too, if there are any, and of its powers. All calls but the last need a multiple
+    /// of 16 rows.
     ///
     /// # Errors
     /// [`Error::Mismatch`] if the rows are not what the header promises, [`Error::Io`]
     /// if they cannot be written.
-    pub fn push(&mut self, batch: &SequenceBatch, sums: Option<&[LaneSums]>) -> Result<(), Error> {
-        self.push_with_features(batch, sums, None)
-    }
-
-    /// The same with the sums of the features, `[pixel]`, which a sequence that can be continued
-    /// needs if it has features.
-    ///
-    /// # Errors
-    /// As [`Self::push`].
-    pub fn push_with_features(
-        &mut self,
-        batch: &SequenceBatch,
-        sums: Option<&[LaneSums]>,
-        features: Option<&[FeatureSums]>,
-    ) -> Result<(), Error> {
+    pub fn push(&mut self, batch: &SequenceBatch, sums: Option<&SampleSums>) -> Result<(), Error> {
         let channels = self.info.model.channels().len();
         let pixels = batch.lanes() / channels;
         let fits = batch.sample_counts() == self.info.sample_counts
@@ -63,9 +51,7 @@ impl<'a> SequenceWriter<'a> {
             && batch.lanes() == pixels * channels
             && pixels.is_multiple_of(self.info.size[0] as usize)
             && sums.is_some() == self.info.resume.is_some()
-            && sums.is_none_or(|sums| sums.len() == batch.lanes())
-            && features.is_some() == (sums.is_some() && self.info.has_features())
-            && features.is_none_or(|features| features.len() == pixels && batch.grid().is_some());
+            && sums.is_none_or(|sums| self.fit(sums, batch));
         if !fits {
             return Err(Error::Mismatch("rows differ from what the sequence's header says".into()));
         }
@@ -76,10 +62,7 @@ impl<'a> SequenceWriter<'a> {
         let step = (BLOCK_ROWS * self.info.size[0]) as usize * 2 * rayon::current_num_threads();
         for first in (0..pixels).step_by(step) {
             let part = first..pixels.min(first + step);
-            let mut state = sums.map(|sums| self.state(batch, sums, pixels, part.clone()));
-            if let (Some(state), Some(features)) = (&mut state, features) {
-                state.extend(feature_state::words(batch, features, part.clone()));
-            }
+            let state = sums.map(|sums| self.state(batch, sums, pixels, part.clone()));
             let mut planes: Vec<&[u8]> = layers
                 .iter()
                 .flat_map(|lanes| lanes.chunks_exact(pixels))
@@ -92,8 +75,36 @@ impl<'a> SequenceWriter<'a> {
         Ok(())
     }
 
-    /// The channels of the state for some pixels, in the order of [`state::channels`].
+    /// Whether sums are those of the lanes and pixels of a batch.
+    fn fit(&self, sums: &SampleSums, batch: &SequenceBatch) -> bool {
+        let lanes = batch.lanes();
+        let pixels = lanes / self.info.model.channels().len();
+        let features = sums.features.as_ref();
+        sums.lanes.len() == lanes
+            && sums.powers.are_of(self.info.further_powers(), lanes)
+            && features.is_some() == self.info.has_features()
+            && features.is_none_or(|features| features.len() == pixels && batch.grid().is_some())
+    }
+
+    /// The channels of the state for some pixels, in the order of
+    /// [`SequenceInfo::state_channels`].
     fn state(
+        &self,
+        batch: &SequenceBatch,
+        sums: &SampleSums,
+        pixels: usize,
+        part: Range<usize>,
+    ) -> Vec<Vec<u32>> {
+        let mut planes = self.of_lanes(batch, &sums.lanes, pixels, part.clone());
+        if let Some(features) = &sums.features {
+            planes.extend(feature_state::words(batch, features, part.clone()));
+        }
+        planes.extend(power_state::words(batch, &sums.powers, pixels, &part));
+        planes
+    }
+
+    /// Those of the sums of the lanes, in the order of [`state::channels`].
+    fn of_lanes(
         &self,
         batch: &SequenceBatch,
         sums: &[LaneSums],
@@ -144,7 +155,7 @@ fn attributes(info: &SequenceInfo) -> Attributes {
         ("samplesPerPixel", Attribute::I32(i32::try_from(info.samples()).unwrap_or(i32::MAX))),
         ("renderTimeSeconds", Attribute::F32(info.render_seconds)),
     ];
-    if let Some(ResumeInfo { keep, pixel_filter, max_depth, russian_roulette }) = &info.resume {
+    if let Some(ResumeInfo { keep, pixel_filter, max_depth, russian_roulette, .. }) = &info.resume {
         attributes.push(("nst.keep", text(&keep.to_string())));
         attributes.push(("nst.pixel", text(pixel_filter)));
         attributes.push(("nst.maxDepth", text(&max_depth.to_string())));

@@ -63,6 +63,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     let of_sums = Side::of_sums(settings.spp).cloned();
     let sides: Vec<Side> = of_sums.chain(settings.powers.sides()).collect();
     let lacking = method.check_statistics(&sides)?;
+    let lost = resumed.as_ref().and_then(Resumed::loss);
     // Opened before rendering, so that a path that cannot be written fails early.
     let files = Files::open(&job, resumed.as_ref())?;
 
@@ -72,7 +73,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     if let Some(start) = &start {
         say(&format!("resumed    from {} spp", start.samples), &args.common);
     }
-    let notes = lacking.into_iter().chain(method.note(args.method.backend)).collect();
+    let notes = lacking.into_iter().chain(lost).chain(method.note(args.method.backend)).collect();
     job.render(watch, method, &settings, files, start, notes)
 }
 
@@ -209,15 +210,15 @@ impl Job<'_> {
                 pixel_filter: scene.pixel_filter.to_string(),
                 max_depth: scene.max_depth,
                 russian_roulette: scene.russian_roulette,
+                powers: settings.powers,
             }),
         };
         let mut writer = SequenceWriter::create(&mut output, &info)?;
         let mut strips = rendering.strips();
         while let Some(strip) = strips.next_rows() {
             let rows = rows(&strip);
-            let rows = rows.start as u32..rows.end as u32;
-            let (sums, features) = (rendering.sums(rows.clone()), rendering.feature_sums(rows));
-            writer.push_with_features(&strip, Some(&sums), features.as_deref())?;
+            let sums = rendering.sums(rows.start as u32..rows.end as u32);
+            writer.push(&strip, Some(&sums))?;
         }
         writer.finish()?;
         let path = output.path().display().to_string();

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nst_core::{FurtherPowers, Keep};
+use nst_core::{Keep, Power, Side};
 use nst_files::sequence_file::{ResumeInfo, SequenceFile, SequenceInfo, SequenceReader};
 use nst_render::{RenderSettings, SamplerKind, Scene};
 
@@ -71,14 +71,12 @@ impl Resumed {
             "render again from the start with this network, or use --transform none",
         )?;
         let (sampler, seed) = (self.sampler, self.seed);
-        // Sums of further powers are not stored, so they cannot go on.
-        let powers = FurtherPowers::NONE;
         Ok(RenderSettings {
             spp: args.spp,
             sampler,
             seed,
             keep: self.how.keep,
-            powers,
+            powers: self.how.powers,
             features: self.info.has_features(),
         })
     }
@@ -150,22 +148,36 @@ impl Resumed {
         Ok(())
     }
 
+    /// What the longer sequence will lack of this one, if anything: power means that came
+    /// without their sums.
+    pub(crate) fn loss(&self) -> Option<String> {
+        let goes_on = |power: Power| self.how.powers.iter().any(|kept| kept == power);
+        let lost = self.info.sides.iter().filter_map(|side| match *side {
+            Side::PowerMean(power, 0) if !goes_on(power) => Some(power.to_string()),
+            _ => None,
+        });
+        let lost: Vec<String> = lost.collect();
+        (!lost.is_empty()).then(|| {
+            format!(
+                "the longer sequence has no means of the samples to the power {}: '{}' has them \
+                 without their sums, as files of early versions",
+                lost.join(", "),
+                self.path.display()
+            )
+        })
+    }
+
     /// Reads the whole file.
     pub(crate) fn read(self) -> Result<Start, Error> {
         let file = SequenceFile::read_to_resume(&self.path)?;
         let (samples, seconds) = (file.info.samples(), file.info.render_seconds);
-        let features = file.features;
         let Some(sums) = file.sums.filter(|_| file.info == self.info) else {
             return Err(Error::Usage(format!(
                 "--resume '{}': it has just changed",
                 self.path.display()
             )));
         };
-        Ok(Start {
-            from: nst_render::Start { batch: file.batch, sums, features },
-            samples,
-            seconds,
-        })
+        Ok(Start { from: nst_render::Start { batch: file.batch, sums }, samples, seconds })
     }
 }
 

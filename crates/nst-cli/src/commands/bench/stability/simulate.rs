@@ -48,9 +48,8 @@ pub(super) fn simulate<F: FnMut(u32, &mut SplitMix64) -> f64>(
     let mut batch = batch(terms, counts);
     let sums: Vec<_> = recorded.iter().map(|(_, _, sums, _)| *sums).collect();
     batch.set_sums(&sums, last).expect("sums of each lane");
-    let mut powers = PowerSums::new(&all_powers, 0);
-    recorded.iter().for_each(|(.., of_lane)| powers.append(of_lane));
-    batch.set_power_sums(&powers, last).expect("sums of each lane");
+    let powers: Vec<&PowerSums> = recorded.iter().map(|(.., of_lane)| of_lane).collect();
+    batch.set_power_sums(&PowerSums::concat(&powers), last).expect("sums of each lane");
     Case { batch, limits: recorded.iter().map(|&(limit, ..)| limit).collect() }
 }
 

@@ -1,0 +1,185 @@
+//! Sums over lanes that are alike: near each other in the picture, and as bright.
+
+use rayon::prelude::*;
+
+use super::{
+    super::{
+        hats::{Hats, Place},
+        judge::dispersion,
+        sample::{GROUPS, SHARE},
+    },
+    simplex::{MOST, Moments, place},
+};
+use crate::FOLDS;
+
+/// Brightness, ln(|E|/u + .01) of an estimate E that has less noise than S, in steps of a half:
+/// from a hundredth of the unit to 130 times it.
+pub(super) const BRIGHTNESS: Hats<20> = Hats { low: -4.6, high: 4.9 };
+
+/// Sums of one brightness.
+pub(super) const KNOTS: usize = BRIGHTNESS.knots();
+
+/// The halves of the chessboard.
+pub(super) const HALVES: usize = 2;
+
+/// The least width and height of a cell, in pixels.
+const LEAST_SIZE: usize = 4;
+
+/// The most cells: of large pictures, cells are larger.
+const MOST_CELLS: usize = 1 << 16;
+
+/// Sums over lanes and groups.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sums {
+    pub(super) moments: Moments,
+    /// Of the variance of S.
+    pub(super) variance: f64,
+    /// How many lanes.
+    pub(super) count: f64,
+}
+
+impl Sums {
+    #[inline(always)]
+    pub(super) fn add(&mut self, other: &Self, share: f64) {
+        let numbers = self.moments.a.iter_mut().zip(&other.moments.a);
+        numbers.for_each(|(sum, more)| *sum += share * more);
+        let numbers = self.moments.b.iter_mut().zip(&other.moments.b);
+        numbers.for_each(|(sum, more)| *sum += share * more);
+        self.variance += share * other.variance;
+        self.count += share * other.count;
+    }
+}
+
+/// How a picture is divided.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Division {
+    /// Columns and rows of pixels in a cell.
+    pub(super) size: usize,
+    /// Cells in a row.
+    pub(super) across: usize,
+    /// Rows of cells.
+    pub(super) down: usize,
+}
+
+impl Division {
+    pub(super) fn new(width: usize, height: usize) -> Self {
+        let mut size = LEAST_SIZE;
+        while width.div_ceil(size) * height.div_ceil(size) > MOST_CELLS {
+            size *= 2;
+        }
+        Self { size, across: width.div_ceil(size), down: height.div_ceil(size) }
+    }
+
+    /// How many sums a row of cells has.
+    pub(super) fn of_row(&self) -> usize {
+        self.across * HALVES * KNOTS
+    }
+
+    /// Where the sums of a cell begin, in its row.
+    #[inline(always)]
+    pub(super) fn place(column: usize, half: usize, knot: usize) -> usize {
+        (column * HALVES + half) * KNOTS + knot
+    }
+}
+
+/// The sums of a picture, `[row][column][half][knot]`.
+pub(super) struct Cells {
+    pub(super) division: Division,
+    pub(super) sums: Vec<Sums>,
+}
+
+/// What experts say of the inner rows of a strip, without a group.
+pub(super) struct Held {
+    /// What they change, `[expert][lane]`.
+    pub(super) changes: Vec<Vec<f32>>,
+    /// h − S, `[lane]`.
+    pub(super) missing: Vec<f32>,
+    /// Where the brightness of a pixel lies, `[pixel]`.
+    pub(super) places: Vec<Place>,
+}
+
+/// The inner rows of a strip.
+pub(super) struct Rows<'a> {
+    pub(super) width: usize,
+    pub(super) channels: usize,
+    /// In the picture.
+    pub(super) first: usize,
+    /// `[pixel]`
+    pub(super) halves: &'a [u8],
+    /// `[group]`
+    pub(super) held: [&'a Held; GROUPS + 1],
+}
+
+impl Rows<'_> {
+    fn pixels(&self) -> usize {
+        self.halves.len()
+    }
+
+    /// How many rows.
+    fn count(&self) -> usize {
+        self.pixels() / self.width
+    }
+}
+
+impl Cells {
+    pub(super) fn new(division: Division) -> Self {
+        Self { division, sums: vec![Sums::default(); division.down * division.of_row()] }
+    }
+
+    /// Adds rows. Each cell gets its pixels row by row, and the groups of each pixel in turn, so
+    /// that its sums do not depend on how the picture is cut.
+    pub(super) fn add(&mut self, rows: &Rows<'_>, counts: &[f64; FOLDS]) {
+        let Division { size, .. } = self.division;
+        let dispersion = dispersion(counts);
+        let end = rows.first + rows.count();
+        let all = self.sums.par_chunks_mut(self.division.of_row()).enumerate();
+        all.skip(rows.first / size).take(end.div_ceil(size) - rows.first / size).for_each(
+            |(row, sums)| {
+                for y in rows.first.max(row * size)..end.min((row + 1) * size) {
+                    let first = (y - rows.first) * rows.width;
+                    for x in 0..rows.width {
+                        let half = usize::from(rows.halves[first + x]);
+                        let cell = &mut sums[Division::place(x / size, half, 0)..][..KNOTS];
+                        add_pixel(cell, rows, first + x, &dispersion);
+                    }
+                }
+            },
+        );
+    }
+}
+
+/// Adds a pixel to the sums of its cell.
+#[inline(always)]
+fn add_pixel(cell: &mut [Sums], rows: &Rows<'_>, pixel: usize, dispersion: &[f64; GROUPS]) {
+    let pixels = rows.pixels();
+    for (group, held) in rows.held.iter().enumerate() {
+        let of_all = group == GROUPS;
+        let mut sums = Sums::default();
+        for channel in 0..rows.channels {
+            let lane = channel * pixels + pixel;
+            let mut changes = [0.0; MOST];
+            let known = changes.iter_mut().zip(&held.changes);
+            known.for_each(|(change, lanes)| *change = f64::from(lanes[lane]));
+            if of_all {
+                for i in 0..held.changes.len() {
+                    for j in 0..=i {
+                        sums.moments.a[place(i, j)] += changes[i] * changes[j];
+                    }
+                }
+                sums.count += 1.0;
+            } else {
+                let missing = f64::from(held.missing[lane]);
+                sums.variance += dispersion[group] * missing * missing;
+                for i in 0..held.changes.len() {
+                    sums.moments.b[i] += SHARE / GROUPS as f64 * changes[i] * missing;
+                }
+            }
+        }
+        // What is not finite says nothing.
+        if sums.moments.trace().is_finite() && sums.variance.is_finite() {
+            for (knot, share) in held.places[pixel].knots() {
+                cell[knot].add(&sums, share);
+            }
+        }
+    }
+}
