@@ -55,13 +55,15 @@ SCENES = {
 }
 COUNTS = [8, 32, 128, 1024]
 RUNS = 2
-# Samples per pixel of each half of the references, and the sequences (samples, run), in the order in which
-# they are made: what is cheap comes first.
+# Samples per pixel of each half of a reference.
+REFERENCE_SPP = {"test": 2048, "tuning": 1024}
+# References' samples per half, at most, and sequences (samples, run), in the order in which they are made: what
+# is cheap comes first.
 STAGES = [
     (256, [(8, 0), (32, 0)]),
     (1024, [(128, 0), (1024, 0)]),
     (1024, [(count, run) for run in range(1, RUNS) for count in COUNTS]),
-    (4096, []),
+    (max(REFERENCE_SPP.values()), []),
 ]
 
 PLAIN, OIDN = "S", "OIDN"
@@ -100,7 +102,7 @@ def read(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def make(scenes: list[str], stages: int) -> None:
+def make(chosen: str, scenes: list[str], stages: int) -> None:
     import neighbours_make as maker
 
     def renderer(scene: str) -> Callable[[], maker.Renderer]:
@@ -112,7 +114,8 @@ def make(scenes: list[str], stages: int) -> None:
 
     if not maker.CYCLES_PYTHON:
         scenes = [scene for scene in scenes if scene not in CYCLES]
-    maker.make({scene: renderer(scene) for scene in scenes}, CACHE, STAGES[:stages])
+    wanted = [(min(spp, REFERENCE_SPP[chosen]), sequences) for spp, sequences in STAGES[:stages]]
+    maker.make({scene: renderer(scene) for scene in scenes}, CACHE, wanted)
 
 
 def transformed(sequence: Path, picture: Path, options: list[str]) -> dict[str, float | None]:
@@ -145,7 +148,19 @@ def measured(sequence: Path, method: str) -> list[str]:
     return [f"{squares.mean():.6g}", f"{relative.mean():.6g}", *predicted]
 
 
+def has_reference(chosen: str, scene: str) -> bool:
+    """Whether all of it is there: rows of the table are to be of one and the same reference."""
+    from neighbours_make import samples
+
+    paths = [CACHE / scene / f"reference-{i}.exr" for i in (0, 1)]
+    return all(path.is_file() and samples(path) >= REFERENCE_SPP[chosen] for path in paths)
+
+
 def measure(chosen: str, scenes: list[str], methods: list[str]) -> None:
+    for scene in scenes:
+        if not has_reference(chosen, scene):
+            print(f"{scene}: its reference is not finished; it is left out", file=sys.stderr)
+    scenes = [scene for scene in scenes if has_reference(chosen, scene)]
     path = table_of(chosen)
     done = {(row["scene"], row["spp"], row["run"], row["method"]) for row in read(path)}
     new = not path.is_file()
@@ -232,7 +247,7 @@ def main() -> int:
     if unknown := {*scenes} - {*known} | {*(args.measure or [])} - METHODS.keys():
         parser.error(f"unknown: {', '.join(sorted(unknown))}; scenes are {', '.join(known)}")
     if args.make:
-        make(scenes, args.stages)
+        make(args.chosen, scenes, args.stages)
     if args.measure is not None:
         measure(args.chosen, scenes, args.measure or list(METHODS))
     if not args.make and args.measure is None:

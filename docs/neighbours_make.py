@@ -55,6 +55,11 @@ def layers(path: Path) -> dict[str, np.ndarray]:
     return {name: channel.pixels for name, channel in channels.items()}
 
 
+def samples(path: Path) -> int:
+    """Per pixel, of a reference."""
+    return int(OpenEXR.File(str(path), header_only=True).header()["samplesPerPixel"])
+
+
 def stacked(channels: dict[str, np.ndarray], layer: str = "", names: str = "RGB") -> np.ndarray:
     return np.stack([channels[(f"{layer}." if layer else "") + name] for name in names], axis=-1)
 
@@ -244,7 +249,7 @@ def extend_reference(renderer: Renderer, path: Path, half: int, spp: int) -> Non
     """Renders pieces until the half has `spp` samples; it is stored after each."""
     done, mean = 0, np.zeros((HEIGHT, WIDTH, 3))
     if path.is_file():
-        done = int(OpenEXR.File(str(path)).header()["samplesPerPixel"])
+        done = samples(path)
         mean = stacked(layers(path)).astype("f8")
     while done < spp:
         piece = renderer.picture(PIECE, seed_of_piece(half, done // PIECE)).astype("f8")
