@@ -57,7 +57,7 @@ COUNTS = [8, 32, 128, 1024]
 RUNS = 2
 # Samples per pixel of each half of a reference.
 REFERENCE_SPP = {"test": 2048, "tuning": 1024}
-# References' samples per half, at most, and sequences (samples, run), in the order in which they are made: what
+# Samples of the references, at most, and sequences (samples, run), in the order in which they are made: what
 # is cheap comes first.
 STAGES = [
     (256, [(8, 0), (32, 0)]),
