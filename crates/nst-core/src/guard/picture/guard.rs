@@ -1,5 +1,7 @@
 //! What measures experts on a picture.
 
+use rayon::prelude::*;
+
 use super::{
     super::{lanes::Guard, sample::GROUPS, seen::STATISTICS},
     cells::{Cells, Division, Rows},
@@ -69,7 +71,7 @@ impl PictureGuard {
         strips.rewind(self.halo())?;
         while let Some(batch) = strips.next_strip()? {
             let strip = Strip::new(&batch).expect("the guard of lanes has seen folds and a grid");
-            let views = (0..=GROUPS).map(|group| panel.look(&strip, group));
+            let views = (0..=GROUPS).into_par_iter().map(|group| panel.look(&strip, group));
             let views = match views.collect::<Result<Vec<_>, _>>() {
                 Ok(views) => views,
                 Err(failure) => return Ok(Err(failure)),
