@@ -32,6 +32,10 @@ const AS_ASKED: &str = "as asked";
 /// The method without a network that a GPU can run, where it is asked for.
 const FILTER: &str = "filter";
 
+/// What to tell where experts that look at neighbours know nothing but radiance.
+pub(crate) const BLIND: &str = "there are no features by fold (albedo, normals, emission), so that what looks at \
+     neighbours sees radiance alone; 'nst render --features --sequence' stores them, and 'nst pack'";
+
 /// What the guard does.
 const BLENDS: &str =
     "a blend of the plain estimates with experts, as far as samples that were held out support it";

@@ -26,7 +26,7 @@ use crate::{
     commands::picture_files::{PictureFiles, header, is_shown},
     error::Error,
     interrupt,
-    method::Method,
+    method::{BLIND, Method},
     progress::Progress,
     report::{Done, say},
     summary::{Outcome, RenderStats, Stopwatch, timed},
@@ -55,15 +55,18 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     method.check_terms(args.spp as usize, &advice)?;
     let needs = method.transform.requires();
     let settings = match &resumed {
-        None => {
-            RenderSettings { powers: needs.powers, ..settings(args, needs.window, KeepArg::Window) }
-        }
+        None => RenderSettings {
+            powers: needs.powers,
+            features: args.features || needs.reads_features(),
+            ..settings(args, needs.window, KeepArg::Window)
+        },
         Some(resumed) => resumed.settings(args, &job.scene, &job.fingerprint, &method)?,
     };
     let of_sums = Side::of_sums(settings.spp).cloned();
     let sides: Vec<Side> = of_sums.chain(settings.powers.sides()).collect();
     let lacking = method.check_statistics(&sides)?;
     let lost = resumed.as_ref().and_then(Resumed::loss);
+    let blind = (needs.reads_features() && !settings.features).then(|| BLIND.to_owned());
     // Opened before rendering, so that a path that cannot be written fails early.
     let files = Files::open(&job, resumed.as_ref())?;
 
@@ -73,7 +76,12 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     if let Some(start) = &start {
         say(&format!("resumed    from {} spp", start.samples), &args.common);
     }
-    let notes = lacking.into_iter().chain(lost).chain(method.note(args.method.backend)).collect();
+    let notes = lacking
+        .into_iter()
+        .chain(lost)
+        .chain(blind)
+        .chain(method.note(args.method.backend))
+        .collect();
     job.render(watch, method, &settings, files, start, notes)
 }
 
@@ -160,9 +168,12 @@ impl Job<'_> {
         let fitted = transformed.map(|fitted| estimated.complete(&*fitted));
         let seconds = spent + rendering.time.as_secs_f32();
         let shown = fitted.is_ok().then_some(&estimated);
+        let with_features = args.features || args.resume.is_some();
         let judgement = shown.and_then(|it| it.outcome.judgement.as_ref());
         let info = header(samples, Some(seconds), judgement);
-        written.extend(timed(&mut watch.io, || write(&rendering, picture, shown, &info))?);
+        written.extend(timed(&mut watch.io, || {
+            write(&rendering, with_features, picture, shown, &info)
+        })?);
         fitted.map_err(|why| {
             let saved = format!("{} show the plain estimates", written.join(", "));
             Error::Transform { why: why.to_string(), saved }
@@ -321,14 +332,16 @@ impl Estimated {
 }
 
 /// Writes the picture, of plain estimates where there are no others, and the PNG; returns
-/// their paths.
+/// their paths. Features that a method alone wants are not in it.
 fn write(
     rendering: &Rendering,
+    with_features: bool,
     mut files: PictureFiles,
     estimated: Option<&Estimated>,
     info: &PictureInfo,
 ) -> Result<Vec<String>, Error> {
-    let sides = rendering.sides();
+    let mut sides = rendering.sides();
+    sides.retain(|side| with_features || !side.is_feature());
     let with_errors = estimated.filter(|it| !it.errors.is_empty());
     let errors = with_errors.is_some();
     let mut picture = files.begin(rendering.size(), ColorModel::Rgb, &sides, errors, info)?;

@@ -8,7 +8,7 @@ use std::{
 
 use nst_core::{Estimates, FurtherPowers, SequenceBatch, guard::Judgement};
 
-use super::source::{Origin, Run};
+use super::source::{Needs, Origin, Run};
 use crate::{
     args::{BackendArg, ExpertArg, TransformArg},
     error::Error,
@@ -132,20 +132,21 @@ impl Methods {
         self.choice(name).is_some()
     }
 
-    /// The most last terms that one of these methods reads, and the further powers of samples
-    /// whose means some of them read.
+    /// What these methods read of a rendering.
     pub(super) fn needs<'a>(
         &mut self,
         names: impl IntoIterator<Item = &'a str>,
         origin: &Origin,
-    ) -> Result<(usize, FurtherPowers), Error> {
-        let (mut window, mut powers) = (1, FurtherPowers::NONE);
+    ) -> Result<Needs, Error> {
+        let mut all = Needs { window: 1, powers: FurtherPowers::NONE, features: false };
         for name in names {
             let Some(choice) = self.choice(name) else { continue };
             let needs = self.ready(name, &choice, origin)?.method.transform.requires();
-            (window, powers) = (window.max(needs.window), powers.with(needs.powers));
+            all.window = all.window.max(needs.window);
+            all.powers = all.powers.with(needs.powers);
+            all.features |= needs.reads_features();
         }
-        Ok((window, powers))
+        Ok(all)
     }
 
     /// Makes a method ready.

@@ -73,6 +73,16 @@ impl Origin {
     }
 }
 
+/// What methods need of a rendering.
+#[derive(Clone, Copy)]
+pub(super) struct Needs {
+    /// How many last terms.
+    pub(super) window: usize,
+    /// The further powers of the samples of which means are read.
+    pub(super) powers: FurtherPowers,
+    pub(super) features: bool,
+}
+
 impl Source {
     /// Reads the headers of sequence files, which must agree.
     pub(super) fn files(paths: &[PathBuf]) -> Result<(Self, Origin), Error> {
@@ -163,20 +173,15 @@ impl Source {
         }
     }
 
-    /// Renders a run, or reads it. The number of last terms that are needed, and the further powers
-    /// of samples of which means are, matter to a rendering alone.
-    pub(super) fn run(
-        &self,
-        spp: u32,
-        number: u32,
-        (window, powers): (usize, FurtherPowers),
-    ) -> Result<Run, Error> {
+    /// Renders a run, or reads it. What is needed of it matters to a rendering alone.
+    pub(super) fn run(&self, spp: u32, number: u32, needs: Needs) -> Result<Run, Error> {
         match self {
             Self::Scene { scene, sampler, seed, .. } => {
                 let seed = seed + u64::from(number);
+                let Needs { window, powers, features } = needs;
                 let keep = Keep::Window(window as u32);
                 let settings =
-                    RenderSettings { spp, sampler: *sampler, seed, keep, powers, features: false };
+                    RenderSettings { spp, sampler: *sampler, seed, keep, powers, features };
                 let control = Control { progress: &|_| {}, stop: &interrupt::asked };
                 let rendering = render_from(None, scene, &settings, control)?;
                 let render_time = Some(rendering.time);
