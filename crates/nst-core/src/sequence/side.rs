@@ -36,10 +36,10 @@ pub enum Side {
     /// A feature: the mean of its unit shading normals in world space, towards the camera:
     /// `normal`.
     Normal,
-    /// A feature: its mean distance from the camera: `depth`.
-    Depth,
     /// A feature: the radiance that the camera sees directly, a part of S_N: `emission`.
     Emission,
+    /// A feature: its mean distance from the camera: `depth`.
+    Depth,
     /// The mean of [`Self::Albedo`] over a fold: `albedo0` … `albedo3`.
     AlbedoFold(u8),
     /// That of [`Self::Normal`]: `normal0` … `normal3`.
