@@ -22,14 +22,19 @@ pub(super) fn run(args: &TransformArgs) -> Result<Summary, Error> {
     let mut watch = Stopwatch::start();
     let mut reader = timed(&mut watch.io, || SequenceReader::open(&args.sequence))?;
     let info = reader.info().clone();
-    let method = Method::resolve(&args.method, &info.sampler)?;
+    let method = Method::resolve(&args.method, &info.sampler, &args.common)?;
     let advice = format!(
         "store more of them in '{}' with 'nst render --keep all', or use --transform none",
         args.sequence.display()
     );
     method.check_terms(info.sample_counts.len(), &advice)?;
     let mut notes: Vec<String> = method.check_statistics(&info.sides)?.into_iter().collect();
-    notes.extend(method.note(args.method.backend));
+    notes.extend(method.note_features(
+        &info.sides,
+        "'nst render --features --sequence' stores them, and 'nst pack' takes those of other \
+         renderers",
+    ));
+    notes.extend(method.note(&args.method));
     if method.transform.requires().support == Support::Picture {
         reader = reader.with_strip_rows(info.size[1]);
     }

@@ -10,7 +10,7 @@ use nst_core::{Estimates, FurtherPowers, SequenceBatch, guard::Judgement};
 
 use super::source::{Origin, Run};
 use crate::{
-    args::{BackendArg, ExpertArg, TransformArg},
+    args::{BackendArg, CommonArgs, ExpertArg, TransformArg},
     error::Error,
     method::Method,
     results::check_name,
@@ -21,6 +21,7 @@ use crate::{
 /// The methods, each of which is made ready once.
 pub(super) struct Methods {
     backend: BackendArg,
+    common: CommonArgs,
     names: Vec<(String, Choice)>,
     ready: BTreeMap<String, Ready>,
     /// How long it took to open a GPU for the first network: drivers are loaded once in a
@@ -79,6 +80,17 @@ impl Opening {
     }
 }
 
+/// What methods read of a rendering.
+#[derive(Clone, Copy)]
+pub(super) struct Needs {
+    /// The most last terms that one of them reads.
+    pub(super) window: usize,
+    /// The further powers of samples whose means some of them read.
+    pub(super) powers: FurtherPowers,
+    /// Whether some of them read features.
+    pub(super) features: bool,
+}
+
 impl Methods {
     /// The plain estimate, and then these, each once, and the networks of these files.
     ///
@@ -89,6 +101,7 @@ impl Methods {
         weights: &[PathBuf],
         experts: &[ExpertArg],
         backend: BackendArg,
+        common: &CommonArgs,
     ) -> Result<Self, Error> {
         let mut names: Vec<(String, Choice)> = Vec::new();
         for &transform in [TransformArg::None].iter().chain(asked) {
@@ -114,7 +127,7 @@ impl Methods {
             names.push((name.into_owned(), Choice::Weights(path.clone())));
         }
         let (ready, kept) = (BTreeMap::new(), BTreeMap::new());
-        Ok(Self { backend, names, ready, opening: None, kept })
+        Ok(Self { backend, common: common.clone(), names, ready, opening: None, kept })
     }
 
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
@@ -132,20 +145,24 @@ impl Methods {
         self.choice(name).is_some()
     }
 
-    /// The most last terms that one of these methods reads, and the further powers of samples
-    /// whose means some of them read.
+    /// What these methods read of a rendering.
     pub(super) fn needs<'a>(
         &mut self,
         names: impl IntoIterator<Item = &'a str>,
         origin: &Origin,
-    ) -> Result<(usize, FurtherPowers), Error> {
-        let (mut window, mut powers) = (1, FurtherPowers::NONE);
+    ) -> Result<Needs, Error> {
+        let mut all = Needs { window: 1, powers: FurtherPowers::NONE, features: false };
         for name in names {
             let Some(choice) = self.choice(name) else { continue };
-            let needs = self.ready(name, &choice, origin)?.method.transform.requires();
-            (window, powers) = (window.max(needs.window), powers.with(needs.powers));
+            let method = &self.ready(name, &choice, origin)?.method;
+            let needs = method.transform.requires();
+            all = Needs {
+                window: all.window.max(needs.window),
+                powers: all.powers.with(needs.powers),
+                features: all.features || method.reads_features(),
+            };
         }
-        Ok((window, powers))
+        Ok(all)
     }
 
     /// Makes a method ready.
@@ -154,10 +171,12 @@ impl Methods {
             let begin = Instant::now();
             let method = match choice {
                 Choice::Named(TransformArg::Auto) => {
-                    Method::auto(&[], &origin.sampler, self.backend)?
+                    Method::auto(&[], &origin.sampler, self.backend, &self.common)?
                 }
                 Choice::Named(named) => Method::named(*named, self.backend)?,
-                Choice::Experts(experts) => Method::auto(experts, &origin.sampler, self.backend)?,
+                Choice::Experts(experts) => {
+                    Method::auto(experts, &origin.sampler, self.backend, &self.common)?
+                }
                 Choice::Weights(path) => Method::of_file(path, self.backend)?,
             };
             let mut making = begin.elapsed();
@@ -251,8 +270,8 @@ mod tests {
     fn all_networks_open_a_gpu_in_the_same_time() -> Result<(), String> {
         let asked = ["families", "cornell", "gmon"].map(TransformArg::named);
         let asked: Vec<TransformArg> = asked.into_iter().flatten().collect();
-        let mut methods =
-            Methods::new(&asked, &[], &[], BackendArg::Auto).map_err(|error| error.to_string())?;
+        let mut methods = Methods::new(&asked, &[], &[], BackendArg::Auto, &CommonArgs::default())
+            .map_err(|error| error.to_string())?;
         let origin = Origin {
             scene: String::new(),
             fingerprint: String::new(),

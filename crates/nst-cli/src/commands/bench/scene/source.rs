@@ -2,10 +2,11 @@
 
 use std::{path::PathBuf, time::Duration};
 
-use nst_core::{FurtherPowers, Keep, SequenceBatch};
+use nst_core::{Keep, SequenceBatch};
 use nst_files::sequence_file::{SequenceFile, SequenceReader};
 use nst_render::{Control, RenderSettings, SamplerKind, Scene, render_from};
 
+use super::methods::Needs;
 use crate::{
     args::BenchSceneArgs,
     error::Error,
@@ -163,20 +164,19 @@ impl Source {
         }
     }
 
-    /// Renders a run, or reads it. The number of last terms that are needed, and the further powers
-    /// of samples of which means are, matter to a rendering alone.
+    /// Renders a run, or reads it. What is needed matters to a rendering alone.
     pub(super) fn run(
         &self,
         spp: u32,
         number: u32,
-        (window, powers): (usize, FurtherPowers),
+        Needs { window, powers, features }: Needs,
     ) -> Result<Run, Error> {
         match self {
             Self::Scene { scene, sampler, seed, .. } => {
                 let seed = seed + u64::from(number);
                 let keep = Keep::Window(window as u32);
                 let settings =
-                    RenderSettings { spp, sampler: *sampler, seed, keep, powers, features: false };
+                    RenderSettings { spp, sampler: *sampler, seed, keep, powers, features };
                 let control = Control { progress: &|_| {}, stop: &interrupt::asked };
                 let rendering = render_from(None, scene, &settings, control)?;
                 let render_time = Some(rendering.time);
