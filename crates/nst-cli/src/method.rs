@@ -32,6 +32,10 @@ const AS_ASKED: &str = "as asked";
 /// The method without a network that a GPU can run, where it is asked for.
 const FILTER: &str = "filter";
 
+/// What to tell where experts that look at neighbours know nothing but radiance.
+pub(crate) const BLIND: &str = "there are no features by fold (albedo, normals, emission), so that what looks at \
+     neighbours sees radiance alone; 'nst render --features --sequence' stores them, and 'nst pack'";
+
 /// What the guard does.
 const BLENDS: &str =
     "a blend of the plain estimates with experts, as far as samples that were held out support it";
@@ -152,27 +156,6 @@ impl Method {
             (Some(lack @ Lack::Powers(_)), None) => Ok(Some(lack.message("the same --experts"))),
             _ => Ok(None),
         }
-    }
-
-    /// Whether the method reads features where there are any.
-    pub(crate) fn reads_features(&self) -> bool {
-        self.transform.requires().optional.iter().any(Side::is_feature)
-    }
-
-    /// Says so if samples with these side channels have no features for a method that reads them;
-    /// `advice` is what to do then.
-    pub(crate) fn note_features(&self, sides: &[Side], advice: &str) -> Option<String> {
-        let needs = self.transform.requires();
-        // Without folds the plain estimates stay, and say why.
-        let lacking = self.reads_features()
-            && Lack::of(&needs, sides) != Some(Lack::Folds)
-            && !needs.optional.iter().any(|side| side.is_feature() && sides.contains(side));
-        lacking.then(|| {
-            format!(
-                "no features by fold are stored, so that experts which look at neighbours see \
-                 radiance alone; {advice}"
-            )
-        })
     }
 
     /// Says so if a GPU was asked for in vain, by the method or by experts of it.

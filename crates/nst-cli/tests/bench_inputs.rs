@@ -298,7 +298,7 @@ fn a_bench_of_the_guard() {
         2,
         &["'cornell'", "window of terms"],
     );
-    fails(&bench, &format!("{random} --experts mine"), 2, &["'mine'", "there is lane"]);
+    fails(&bench, &format!("{random} --experts mine"), 2, &["'mine'", "there are lane"]);
 }
 
 /// What a signal leaves of a reference is said.

@@ -293,8 +293,6 @@ fn experts_that_cannot_run() {
                 "--experts cornell",
                 ["'cornell' cannot be an expert", "--transform cornell applies it"],
             ),
-            ("--experts small", ["beside 'lane'", "add it to the list"]),
-            ("--experts filter,small", ["beside 'lane'", "add it to the list"]),
             ("--experts lane,families", ["'families' cannot be an expert", window]),
             ("--experts lane,mine.safetensors", [window, "--weights mine.safetensors applies it"]),
             ("--experts guess", ["no expert 'guess'", "there are lane"]),

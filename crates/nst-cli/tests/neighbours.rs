@@ -1,98 +1,151 @@
-//! `--experts lane,filter` and `oidn`: experts that look at neighbours, from the command line.
+//! Experts that look at neighbours, from the command line.
 
 mod common;
 
 use common::{Bench, cornell, read_layer};
+use nst_core::Side;
 use nst_files::{header::ExrHeader, sequence_file::SequenceFile};
+use serde_json::Value;
 
-const EXPERTS: &str = "--experts lane,filter";
-
-fn render(options: &str) -> String {
-    format!("render --scene {} --size 40x30 {options}", cornell())
+fn report(bench: &Bench, args: &str) -> Value {
+    serde_json::from_str(&bench.succeed(&format!("{args} --json"))).expect("JSON")
 }
 
-fn bits(bench: &Bench, name: &str, layer: &str) -> Vec<u32> {
-    read_layer(&bench.path(name), layer).1.into_iter().map(f32::to_bits).collect()
+fn render(args: &str) -> String {
+    format!("render --scene {} --size 48x32 {args}", cornell())
 }
 
-fn has_features(bench: &Bench, name: &str) -> bool {
-    let header = ExrHeader::read(&bench.path(name)).expect("a picture");
-    header.layers().iter().any(|layer| layer.name == "albedo")
+fn lanes(bench: &Bench, picture: &str, layer: &str) -> Vec<f32> {
+    read_layer(&bench.path(picture), layer).1
 }
 
-/// Features are recorded for the filter, but shown only where they are asked for; S keeps its
-/// bits, and the stored sequence gives the same picture with any number of threads.
+fn has_features(bench: &Bench, picture: &str) -> bool {
+    let header = ExrHeader::read(&bench.path(picture)).expect("a header");
+    header.parts[0].channels.iter().any(|channel| channel.name.starts_with("albedo"))
+}
+
+/// The same of a rendering in memory, with any number of threads, and of its stored sequence.
 #[test]
-fn rendering_and_stored_sequence_agree() {
+fn the_filter_under_the_guard() {
     let bench = Bench::new();
-    let said = bench.succeed(&render(&format!("--spp 16 {EXPERTS} --sequence s.exr -o a.exr")));
-    assert!(!said.contains("features"), "{said}");
-    bench.succeed(&render("--spp 16 -o plain.exr"));
-    bench.succeed(&render(&format!("--spp 16 {EXPERTS} --features -o f.exr")));
-    assert_eq!(bits(&bench, "a.exr", "S"), bits(&bench, "plain.exr", "S"));
-    assert_ne!(bits(&bench, "a.exr", ""), bits(&bench, "plain.exr", ""));
+    let said = report(&bench, &render("--spp 16 --sequence s.exr -o x.exr --experts lane,filter"));
+    let names = said["experts"].as_array().expect("a list").iter().map(|it| it["name"].as_str());
+    assert!(names.eq([Some("lane"), Some("filter")]), "{said}");
+    assert!(said["predicted_ratio"].as_f64().is_some_and(|ratio| ratio < 1.0), "{said}");
+    assert!(!said["notes"].to_string().contains("no features"), "{said}");
+    // Features are for the experts, and not in the picture; the sequence has them.
+    assert!(!has_features(&bench, "x.exr"));
     let stored = SequenceFile::read(&bench.path("s.exr")).expect("a sequence");
-    assert!(stored.info.has_features());
-    assert!(!has_features(&bench, "a.exr") && has_features(&bench, "f.exr"));
+    assert!(stored.batch.side(&Side::AlbedoFold(3)).is_some());
     for threads in [1, 2] {
-        let said =
-            bench.succeed(&format!("transform s.exr {EXPERTS} --threads {threads} -o b.exr"));
-        assert!(!said.contains("no features"), "{said}");
+        let again = format!("transform s.exr -o y.exr --experts lane,filter --threads {threads}");
+        assert_eq!(report(&bench, &again)["experts"], said["experts"]);
         for layer in ["", "S", "StdError"] {
-            assert_eq!(bits(&bench, "a.exr", layer), bits(&bench, "b.exr", layer), "{layer}");
-        }
-        assert_eq!(bits(&bench, "a.exr", ""), bits(&bench, "f.exr", ""));
-    }
-}
-
-/// Sequences without features are transformed, and continued, and a note says what is lacking.
-#[test]
-fn features_are_optional() {
-    let bench = Bench::new();
-    bench.succeed(&render("--spp 8 --sequence s.exr -o a.exr"));
-    let said = bench.succeed(&format!("transform s.exr {EXPERTS} -o b.exr"));
-    for words in ["radiance alone", "nst render --features --sequence", "nst pack"] {
-        assert!(said.contains(words), "'{words}' is not in: {said}");
-    }
-    let said = bench.succeed("transform s.exr -o b.exr");
-    assert!(!said.contains("radiance alone"), "{said}");
-    let resume = format!("render --scene {} --spp 16 {EXPERTS} --resume s.exr -o c.exr", cornell());
-    let said = bench.succeed(&resume);
-    assert!(said.contains("radiance alone") && said.contains("from its first sample"), "{said}");
-    assert!(!has_features(&bench, "c.exr"));
-}
-
-/// What `OIDN_LIBRARY` names must be a library; the error names it.
-#[test]
-fn oidn_without_a_library() {
-    let bench = Bench::new();
-    bench.succeed(&render("--spp 8 --sequence s.exr -o a.exr"));
-    bench.write("text.so", "no library\n");
-    for (library, loads) in [("missing.so", false), ("text.so", true)] {
-        for (option, says) in [("", loads), ("-q", false), ("--json", false)] {
-            let path = bench.path(library).display().to_string();
-            let command = format!("transform s.exr --experts lane,oidn -o b.exr {option}");
-            let output = bench.nst_with(&command, &[("OIDN_LIBRARY", &path)]);
-            let stderr = String::from_utf8_lossy(&output.stderr);
-            assert_eq!(output.status.code(), Some(2), "{stderr}");
-            assert!(stderr.contains(library) && stderr.contains("OIDN_LIBRARY"), "{stderr}");
-            assert_eq!(stderr.contains("loading "), says, "{option}: {stderr}");
-            assert!(!bench.path("b.exr").exists());
+            assert!(lanes(&bench, "x.exr", layer) == lanes(&bench, "y.exr", layer), "{layer}");
         }
     }
+    // S has the bits that it has without; the estimates have not.
+    bench.succeed(&render("--spp 16 -o z.exr --transform none -q"));
+    assert!(lanes(&bench, "x.exr", "S") == lanes(&bench, "z.exr", ""));
+    assert!(lanes(&bench, "x.exr", "") != lanes(&bench, "z.exr", ""));
+    bench.succeed(&render("--spp 16 -o w.exr --experts filter --features -q"));
+    assert!(has_features(&bench, "w.exr"));
+    assert!(lanes(&bench, "w.exr", "") != lanes(&bench, "x.exr", ""), "without lane");
 }
 
-/// Pictures of one pixel and of one row.
+#[test]
+fn without_features_radiance_is_all_there_is() {
+    let bench = Bench::new();
+    bench.succeed(&render("--spp 8 --sequence s.exr -o x.exr --transform none -q"));
+    let said = report(&bench, "transform s.exr -o y.exr --experts lane,filter");
+    assert!(said["notes"].to_string().contains("sees radiance alone"), "{said}");
+    let resumed = render("--spp 12 --resume s.exr -o z.exr --experts lane,filter");
+    assert!(report(&bench, &resumed)["notes"].to_string().contains("sees radiance alone"));
+    // Parts of one sequence cannot be held out, whoever asks.
+    let nested = render("--spp 8 --sampler halton -o n.exr --experts lane,filter");
+    let said = report(&bench, &nested);
+    assert!(said["reason"].to_string().contains("depend on each other"), "{said}");
+    assert!(lanes(&bench, "n.exr", "") == lanes(&bench, "n.exr", "S"));
+}
+
+/// A file that is no library is named, and so is one that is not there. Which file is loaded is
+/// said before, but not where programs listen.
+#[test]
+fn a_denoiser_that_is_not_there() {
+    let bench = Bench::new();
+    bench.succeed(&render("--spp 8 --sequence s.exr -o x.exr --transform none -q"));
+    bench.write("text.so", "not a library");
+    for (file, is_loaded) in [("gone.so", false), ("text.so", true)] {
+        for (option, says) in [("", is_loaded), ("--quiet", false), ("--json", false)] {
+            let command = format!("transform s.exr --experts lane,oidn -o y.exr {option}");
+            let output = bench.nst_with(&command, &[("OIDN_LIBRARY", file)]);
+            let said = String::from_utf8_lossy(&output.stderr).into_owned();
+            assert_eq!(output.status.code(), Some(2), "{said}");
+            assert!(said.contains("--experts oidn") && said.contains(file), "{said}");
+            assert_eq!(said.contains("loading  "), says, "{option}: {said}");
+            assert!(!bench.path("y.exr").exists());
+        }
+    }
+}
+
+/// A library in C that stands for Open Image Denoise: compiled as the tests of `nst-oidn` do.
+#[cfg(unix)]
+fn fake(bench: &Bench, name: &str, macros: &[&str]) -> String {
+    let source = concat!(env!("CARGO_MANIFEST_DIR"), "/../nst-oidn/tests/oidn/fake.c");
+    let path = bench.path(name).display().to_string();
+    let mut compiler = std::process::Command::new("cc");
+    compiler.args(["-std=c11", "-shared", "-fPIC", source, "-o", &path]);
+    compiler.arg(format!("-DLOG=\"{path}.log\""));
+    compiler.args(macros.iter().map(|text| format!("-D{text}")));
+    assert!(compiler.status().expect("a C compiler, cc").success(), "{compiler:?}");
+    path
+}
+
+/// One that works is an expert; one that fails while it denoises is left out, with a note. Its
+/// device is its own choice.
+#[cfg(unix)]
+#[test]
+fn a_denoiser_that_fails_is_left_out() {
+    let bench = Bench::new();
+    bench.succeed(&render("--spp 8 --sequence s.exr -o x.exr --transform none -q"));
+    let said = |library: &str, options: &str| -> Value {
+        let command = format!("transform s.exr -o y.exr --json {options}");
+        let output = bench.nst_with(&command, &[("OIDN_LIBRARY", library)]);
+        assert!(output.status.success(), "{output:?}");
+        serde_json::from_slice(&output.stdout).expect("JSON")
+    };
+    let names = |said: &Value| -> Vec<String> {
+        let experts = said["experts"].as_array().expect("a list").iter();
+        experts.map(|it| it["name"].as_str().expect("a name").to_owned()).collect()
+    };
+    let works = fake(&bench, "works.so", &[]);
+    let with = said(&works, "--experts lane,filter,oidn --backend gpu");
+    assert_eq!(names(&with), ["lane", "filter", "oidn"]);
+    let notes = with["notes"].to_string();
+    for words in ["'oidn' chooses its device itself", "'filter' stays on the CPU"] {
+        assert!(notes.contains(words) && !notes.contains("left out"), "{notes}");
+    }
+    let fails = fake(&bench, "fails.so", &["FAIL=\"oidnExecuteFilter\""]);
+    let without = said(&fails, "--experts lane,filter,oidn");
+    assert_eq!(names(&without), ["lane", "filter"]);
+    assert!(without["notes"].to_string().contains("'oidn' is left out"), "{without}");
+    let picture = lanes(&bench, "y.exr", "");
+    said("", "--experts lane,filter");
+    assert!(picture == lanes(&bench, "y.exr", ""), "as if it had not been named");
+    let none = said("", "--experts lane,filter --backend gpu");
+    assert!(none["notes"].to_string().contains("nothing of 'auto' runs on a GPU"), "{none}");
+}
+
+/// Pictures of one pixel, of one row, and of one column.
 #[test]
 fn small_pictures() {
     let bench = Bench::new();
     for size in ["1x1", "9x1", "1x9"] {
+        let options = format!("--size {size} --spp 16 --experts lane,filter");
         let scene = cornell();
-        let options = format!("--size {size} --spp 16 {EXPERTS} --sequence s.exr -o a.exr");
-        bench.succeed(&format!("render --scene {scene} {options}"));
-        bench.succeed(&format!("transform s.exr {EXPERTS} -o b.exr"));
-        assert_eq!(bits(&bench, "a.exr", ""), bits(&bench, "b.exr", ""), "{size}");
-        let picture = read_layer(&bench.path("b.exr"), "").1;
-        assert!(picture.iter().all(|value| value.is_finite()), "{size}");
+        bench.succeed(&format!("render --scene {scene} {options} --sequence s.exr -o a.exr"));
+        bench.succeed("transform s.exr --experts lane,filter -o b.exr");
+        let [a, b] = ["a.exr", "b.exr"].map(|name| lanes(&bench, name, ""));
+        assert!(a == b && a.iter().all(|x| x.is_finite()), "{size}");
     }
 }

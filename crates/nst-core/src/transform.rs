@@ -142,6 +142,12 @@ impl Requirements {
         named.chain(self.powers.sides()).collect()
     }
 
+    /// Whether features are read, where the batch has them.
+    #[must_use]
+    pub fn reads_features(&self) -> bool {
+        self.optional.iter().any(Side::is_feature)
+    }
+
     /// The halo that strips need, in rows.
     #[must_use]
     pub fn halo(&self) -> u32 {

@@ -13,7 +13,7 @@ use crate::{
     adapter::caught,
     args::TransformArgs,
     error::Error,
-    method::Method,
+    method::{BLIND, Method},
     progress::Progress,
     summary::{Outcome, Stopwatch, Summary, TimedStrips, timed},
 };
@@ -29,12 +29,11 @@ pub(super) fn run(args: &TransformArgs) -> Result<Summary, Error> {
     );
     method.check_terms(info.sample_counts.len(), &advice)?;
     let mut notes: Vec<String> = method.check_statistics(&info.sides)?.into_iter().collect();
-    notes.extend(method.note_features(
-        &info.sides,
-        "'nst render --features --sequence' stores them, and 'nst pack' takes those of other \
-         renderers",
-    ));
     notes.extend(method.note(&args.method));
+    let features = info.sides.iter().any(|side| side.is_feature() && side.is_of_fold());
+    if method.transform.requires().reads_features() && !features {
+        notes.push(BLIND.to_owned());
+    }
     if method.transform.requires().support == Support::Picture {
         reader = reader.with_strip_rows(info.size[1]);
     }

@@ -27,7 +27,7 @@ struct Report {
 }
 
 pub(super) fn run(args: &RenderArgs, runs: u32) -> Result<Done, Error> {
-    let settings = settings(args, 1, false, KeepArg::All);
+    let settings = settings(args, 1, KeepArg::All);
     if settings.seed.checked_add(u64::from(runs - 1)).is_none() {
         return Err(Error::Usage(format!(
             "--seed {} is too large for {}, whose seeds count up from it",

@@ -24,9 +24,8 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     }
 }
 
-/// How to render; `window` is how many terms are read, `features` whether features are, too, and
-/// `keep` is the default of `--keep`.
-fn settings(args: &RenderArgs, window: usize, features: bool, keep: KeepArg) -> RenderSettings {
+/// How to render; `window` is how many terms are read, and `keep` is the default of `--keep`.
+fn settings(args: &RenderArgs, window: usize, keep: KeepArg) -> RenderSettings {
     // Others may read stored terms later. Without them, memory counts.
     let stored = args.sequence.is_some() || args.runs.is_some();
     let window = window.max(if stored { DEFAULT_WINDOW } else { 1 }) as u32;
@@ -40,7 +39,7 @@ fn settings(args: &RenderArgs, window: usize, features: bool, keep: KeepArg) -> 
             KeepArg::Pow2 => Keep::Pow2(window),
             KeepArg::Window => Keep::Window(window),
         },
-        features: args.features || features,
+        features: args.features,
     }
 }
 
@@ -119,7 +118,7 @@ mod tests {
             let line = format!("nst render --scene x.obj {options}");
             let args = Args::try_parse_from(line.split_whitespace()).expect("a command line");
             let Command::Render(args) = args.command else { panic!("it renders") };
-            settings(&args, window, false, KeepArg::Window).keep
+            settings(&args, window, KeepArg::Window).keep
         };
         assert_eq!(keep("", 1), Keep::Window(1));
         assert_eq!(keep("", 8), Keep::Window(8));

@@ -26,7 +26,7 @@ use crate::{
     commands::picture_files::{PictureFiles, header, is_shown},
     error::Error,
     interrupt,
-    method::Method,
+    method::{BLIND, Method},
     progress::Progress,
     report::{Done, say},
     summary::{Outcome, RenderStats, Stopwatch, timed},
@@ -37,8 +37,6 @@ struct Job<'a> {
     args: &'a RenderArgs,
     scene: Scene,
     fingerprint: String,
-    /// Whether features are layers of the picture.
-    shows_features: bool,
 }
 
 pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
@@ -50,33 +48,25 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
         None => args.sampler.map_or_else(Default::default, Into::into),
         Some(resumed) => resumed.sampler,
     };
-    // Those that the method alone asked for are no layers of the picture.
-    let shows_features = args.features || resumed.as_ref().is_some_and(|it| it.info.has_features());
-    let job = Job { args, fingerprint: scene.fingerprint(), scene, shows_features };
+    let job = Job { args, fingerprint: scene.fingerprint(), scene };
     let method = Method::resolve(&args.method, &sampler.to_string(), &args.common)?;
     let advice =
         format!("use --spp {} or more, or --transform none", method.transform.requires().window);
     method.check_terms(args.spp as usize, &advice)?;
     let needs = method.transform.requires();
     let settings = match &resumed {
-        None => {
-            let features = method.reads_features();
-            let settings = settings(args, needs.window, features, KeepArg::Window);
-            RenderSettings { powers: needs.powers, ..settings }
-        }
+        None => RenderSettings {
+            powers: needs.powers,
+            features: args.features || needs.reads_features(),
+            ..settings(args, needs.window, KeepArg::Window)
+        },
         Some(resumed) => resumed.settings(args, &job.scene, &job.fingerprint, &method)?,
     };
     let of_sums = Side::of_sums(settings.spp).cloned();
     let sides: Vec<Side> = of_sums.chain(settings.powers.sides()).collect();
     let lacking = method.check_statistics(&sides)?;
-    let features = settings.features.then(|| Side::of_features(settings.spp).cloned());
-    let sides: Vec<Side> = sides.into_iter().chain(features.into_iter().flatten()).collect();
-    let blind = method.note_features(
-        &sides,
-        "a rendering has them from its first sample on or not at all; 'nst render --features \
-         --sequence' stores them",
-    );
     let lost = resumed.as_ref().and_then(Resumed::loss);
+    let blind = (needs.reads_features() && !settings.features).then(|| BLIND.to_owned());
     // Opened before rendering, so that a path that cannot be written fails early.
     let files = Files::open(&job, resumed.as_ref())?;
 
@@ -86,8 +76,8 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     if let Some(start) = &start {
         say(&format!("resumed    from {} spp", start.samples), &args.common);
     }
-    let notes = lacking.into_iter().chain(blind).chain(lost).chain(method.note(&args.method));
-    let notes = notes.collect();
+    let notes =
+        lacking.into_iter().chain(lost).chain(blind).chain(method.note(&args.method)).collect();
     job.render(watch, method, &settings, files, start, notes)
 }
 
@@ -174,9 +164,12 @@ impl Job<'_> {
         let fitted = transformed.map(|fitted| estimated.complete(&*fitted));
         let seconds = spent + rendering.time.as_secs_f32();
         let shown = fitted.is_ok().then_some(&estimated);
+        let with_features = args.features || args.resume.is_some();
         let judgement = shown.and_then(|it| it.outcome.judgement.as_ref());
         let info = header(samples, Some(seconds), judgement);
-        written.extend(timed(&mut watch.io, || self.write(&rendering, picture, shown, &info))?);
+        written.extend(timed(&mut watch.io, || {
+            write(&rendering, with_features, picture, shown, &info)
+        })?);
         fitted.map_err(|why| {
             let saved = format!("{} show the plain estimates", written.join(", "));
             Error::Transform { why: why.to_string(), saved }
@@ -238,33 +231,6 @@ impl Job<'_> {
         let path = output.path().display().to_string();
         output.commit()?;
         Ok(path)
-    }
-
-    /// Writes the picture, of plain estimates where there are no others, and the PNG; returns
-    /// their paths.
-    fn write(
-        &self,
-        rendering: &Rendering,
-        mut files: PictureFiles,
-        estimated: Option<&Estimated>,
-        info: &PictureInfo,
-    ) -> Result<Vec<String>, Error> {
-        let mut sides = rendering.sides();
-        sides.retain(|side| self.shows_features || !side.is_feature());
-        let with_errors = estimated.filter(|it| !it.errors.is_empty());
-        let errors = with_errors.is_some();
-        let mut picture = files.begin(rendering.size(), ColorModel::Rgb, &sides, errors, info)?;
-        let shown = sides.iter().filter(|&side| *side == Side::Variance || is_shown(side));
-        let mut strips = rendering.strips().with_sides(&shown.cloned().collect::<Vec<_>>());
-        while let Some(strip) = strips.next_rows() {
-            let plain = || Cow::Borrowed(strip.last());
-            let of_rows = rows(&strip);
-            let errors = with_errors.map(|it| it.get(&it.errors, of_rows.clone()));
-            let values = estimated.map_or_else(plain, |it| it.get(&it.values, of_rows).into());
-            picture.push(&strip, &values, errors.as_deref())?;
-        }
-        picture.finish()?;
-        files.commit()
     }
 
     fn notes(&self, rendering: &Rendering) -> Vec<String> {
@@ -359,4 +325,31 @@ impl Estimated {
         let planes = picture.chunks_exact(self.pixels);
         planes.flat_map(|plane| &plane[place.clone()]).copied().collect()
     }
+}
+
+/// Writes the picture, of plain estimates where there are no others, and the PNG; returns
+/// their paths. Features that a method alone wants are not in it.
+fn write(
+    rendering: &Rendering,
+    with_features: bool,
+    mut files: PictureFiles,
+    estimated: Option<&Estimated>,
+    info: &PictureInfo,
+) -> Result<Vec<String>, Error> {
+    let mut sides = rendering.sides();
+    sides.retain(|side| with_features || !side.is_feature());
+    let with_errors = estimated.filter(|it| !it.errors.is_empty());
+    let errors = with_errors.is_some();
+    let mut picture = files.begin(rendering.size(), ColorModel::Rgb, &sides, errors, info)?;
+    let shown = sides.iter().filter(|&side| *side == Side::Variance || is_shown(side));
+    let mut strips = rendering.strips().with_sides(&shown.cloned().collect::<Vec<_>>());
+    while let Some(strip) = strips.next_rows() {
+        let plain = || Cow::Borrowed(strip.last());
+        let of_rows = rows(&strip);
+        let errors = with_errors.map(|it| it.get(&it.errors, of_rows.clone()));
+        let values = estimated.map_or_else(plain, |it| it.get(&it.values, of_rows).into());
+        picture.push(&strip, &values, errors.as_deref())?;
+    }
+    picture.finish()?;
+    files.commit()
 }

@@ -86,7 +86,7 @@ fn limits_that_are_too_low_are_told() {
         Planes::new(&grid, &Means { samples: 8.0, mean: &row, root: &row }, &[])
     };
     for limits in [
-        LowerLimits { binding_bytes: Some(1 << 16), ..LowerLimits::default() },
+        LowerLimits { binding_bytes: Some(1 << 17), ..LowerLimits::default() },
         LowerLimits { workgroups: Some(3), ..LowerLimits::default() },
     ] {
         let Some(gpu) = adapter(|| Gpu::open_with(AdapterKind::Any, &limits)) else { return };
@@ -116,7 +116,8 @@ fn wrong_shaders_are_refused() {
         ("RADIUS: i32 = 10", "RADIUS: i32 = 9"),
         ("noise <= 0.0", "noise >= 0.0"),
         ("id.y >= params.count", "id.y + 1u >= params.count"),
-        ("far += d * d", "far += d"),
+        ("differ += d * d", "differ += d"),
+        ("max(differ, 0.0)", "differ"),
         ("fn transform", "fn transfer"),
         ("params.stride", "params.strid"),
     ] {

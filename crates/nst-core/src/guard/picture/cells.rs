@@ -7,7 +7,7 @@ use super::{
         hats::{Hats, Place},
         sample::{GROUPS, SHARE, dispersion},
     },
-    simplex::{MOST, Moments, place},
+    simplex::{MOST, Moments},
 };
 use crate::FOLDS;
 
@@ -27,6 +27,9 @@ const LEAST_SIZE: usize = 4;
 /// The most cells: of large pictures, cells are larger.
 const MOST_CELLS: usize = 1 << 16;
 
+/// What b of one of the groups adds to that of S with all folds.
+const OF_S: f64 = SHARE / GROUPS as f64;
+
 /// Sums over lanes and groups.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sums {
@@ -38,6 +41,11 @@ pub(super) struct Sums {
 }
 
 impl Sums {
+    /// Whether no lane was near.
+    pub(super) fn is_empty(&self) -> bool {
+        self.count == 0.0 && self.variance == 0.0
+    }
+
     #[inline(always)]
     pub(super) fn add(&mut self, other: &Self, share: f64) {
         let numbers = self.moments.a.iter_mut().zip(&other.moments.a);
@@ -105,7 +113,7 @@ pub(super) struct Rows<'a> {
     pub(super) first: usize,
     /// `[pixel]`
     pub(super) halves: &'a [u8],
-    /// `[group]`
+    /// `[group]`; after the groups, that of all folds.
     pub(super) held: [&'a Held; GROUPS + 1],
 }
 
@@ -150,28 +158,20 @@ impl Cells {
 /// Adds a pixel to the sums of its cell.
 #[inline(always)]
 fn add_pixel(cell: &mut [Sums], rows: &Rows<'_>, pixel: usize, dispersion: &[f64; GROUPS]) {
-    let pixels = rows.pixels();
+    let lanes = (pixel..rows.channels * rows.pixels()).step_by(rows.pixels());
     for (group, held) in rows.held.iter().enumerate() {
-        let of_all = group == GROUPS;
         let mut sums = Sums::default();
-        for channel in 0..rows.channels {
-            let lane = channel * pixels + pixel;
+        for lane in lanes.clone() {
             let mut changes = [0.0; MOST];
             let known = changes.iter_mut().zip(&held.changes);
             known.for_each(|(change, lanes)| *change = f64::from(lanes[lane]));
-            if of_all {
-                for i in 0..held.changes.len() {
-                    for j in 0..=i {
-                        sums.moments.a[place(i, j)] += changes[i] * changes[j];
-                    }
-                }
+            if group == GROUPS {
                 sums.count += 1.0;
+                sums.moments.add_squares(&changes);
             } else {
                 let missing = f64::from(held.missing[lane]);
                 sums.variance += dispersion[group] * missing * missing;
-                for i in 0..held.changes.len() {
-                    sums.moments.b[i] += SHARE / GROUPS as f64 * changes[i] * missing;
-                }
+                sums.moments.add_products(&changes, OF_S * missing);
             }
         }
         // What is not finite says nothing.

@@ -2,6 +2,8 @@
 //! the camera sees directly. Denoisers smear lamps over what is around them, unless they get the
 //! two one by one.
 
+use std::borrow::Cow;
+
 use rayon::prelude::*;
 
 use super::{
@@ -24,21 +26,23 @@ pub(super) struct Strip<'a> {
     emission: Option<[&'a [f32]; FOLDS]>,
 }
 
-/// A part of the radiance, over all folds but one group.
+/// A part of the radiance.
 pub(super) struct Layer {
-    /// How many samples of each lane.
-    pub(super) samples: f64,
     /// `[lane]`
     pub(super) mean: Vec<f32>,
     /// The mean of the roots, `[lane]`.
     pub(super) root: Vec<f32>,
 }
 
-/// Both, with what else the camera sees.
+/// Where the emission is in [`Layers::parts`].
+pub(super) const EMITTED: usize = 1;
+
+/// What the camera sees, over all folds but one group.
 pub(super) struct Layers {
-    pub(super) reflected: Layer,
-    /// If anything is known of it.
-    pub(super) emitted: Option<Layer>,
+    /// How many samples of each lane.
+    pub(super) samples: f64,
+    /// What surfaces reflect; and the emission, if anything is known of it.
+    pub(super) parts: Vec<Layer>,
     /// `[lane]`
     pub(super) albedo: Option<Feature>,
     /// `[coordinate][pixel]`
@@ -93,37 +97,40 @@ impl<'a> Strip<'a> {
             _ => weighted(&self.means[0], &shares),
         };
         let mut root = weighted(&self.means[1], &shares);
-        let emitted = self.emission.map(|folds| weighted(&folds, &shares));
-        let emitted = emitted.map(|mean| Layer { samples, root: vec![f32::NAN; mean.len()], mean });
-        if let Some(emitted) = &emitted {
-            subtract(self.grid, emitted, &mut mean, &mut root);
+        let mut emitted = None;
+        if let Some(folds) = &self.emission {
+            let emission = weighted(folds, &shares);
+            subtract(self.grid, &emission, &mut mean, &mut root);
+            // Its roots are not known.
+            emitted = Some(Layer { root: vec![f32::NAN; emission.len()], mean: emission });
         }
+        let parts = [Layer { mean, root }].into_iter().chain(emitted).collect();
         let of_folds = |folds: Option<_>| folds.map(|it| Feature::new(&it, &shares));
         let [albedo, normal] = [self.albedo, self.normal].map(of_folds);
-        Layers { reflected: Layer { samples, mean, root }, emitted, albedo, normal }
+        Layers { samples, parts, albedo, normal }
     }
 
-    /// What the group held out says of each part beside the layers without it, `[lane]` of the
-    /// inner rows: h − S.
-    pub(super) fn missing(&self, group: usize, layers: &Layers) -> [Vec<f32>; 2] {
-        let inner = |lanes: &[f32]| self.grid.inner(lanes).into_owned();
-        let held_out = self.means[0][group];
-        let Some(emitted) = &layers.emitted else {
-            let missing = held_out.iter().zip(&layers.reflected.mean).map(|(h, s)| h - s);
-            return [inner(&missing.collect::<Vec<_>>()), Vec::new()];
+    /// What the group held out says of each part beside the layers without it, h − S, `[lane]` of
+    /// the inner rows; nothing, if there is no such group.
+    pub(super) fn missing(&self, group: usize, layers: &Layers) -> Vec<Vec<f32>> {
+        if group == GROUPS {
+            return vec![Vec::new(); layers.parts.len()];
+        }
+        let nothing = vec![0.0; self.batch.lanes()];
+        let emission = self.emission.map_or(&nothing[..], |folds| folds[group]);
+        let reflected = self.means[0][group].iter().zip(emission).map(|(h, e)| h - e).collect();
+        let held_out: [Cow<'_, [f32]>; 2] = [Cow::Owned(reflected), Cow::Borrowed(emission)];
+        let of_part = |(layer, held_out): (&Layer, Cow<'_, [f32]>)| {
+            let missing = held_out.iter().zip(&layer.mean).map(|(h, s)| h - s);
+            self.grid.inner(&missing.collect::<Vec<_>>()).into_owned()
         };
-        let of_emission = self.emission.expect("its layer exists")[group];
-        let reflected = held_out.iter().zip(of_emission).zip(&layers.reflected.mean);
-        let reflected: Vec<f32> = reflected.map(|((h, e), s)| h - e - s).collect();
-        let emitted: Vec<f32> = of_emission.iter().zip(&emitted.mean).map(|(h, s)| h - s).collect();
-        [inner(&reflected), inner(&emitted)]
+        layers.parts.iter().zip(held_out).map(of_part).collect()
     }
-}
 
-impl Strip<'_> {
-    /// The variances of S if all samples were independent, up to a factor, `[lane]` of the inner rows.
+    /// The variances of S if all samples were independent, up to a factor, `[lane]` of the inner
+    /// rows.
     pub(super) fn variances(&self) -> Vec<f32> {
-        let squares = weighted(&self.means[2], &[0.25; FOLDS]);
+        let squares = weighted(&self.means[2], &[1.0 / FOLDS as f64; FOLDS]);
         let lanes = squares.iter().zip(self.batch.last());
         let variances: Vec<f32> = lanes.map(|(square, s)| (square - s * s).max(0.0)).collect();
         self.grid.inner(&variances).into_owned()
@@ -131,14 +138,11 @@ impl Strip<'_> {
 }
 
 /// Takes the emission out of means. Where there is any, roots of the rest are not known.
-fn subtract(grid: &Grid, emitted: &Layer, mean: &mut [f32], root: &mut [f32]) {
-    let pixels = grid.pixels();
-    for (mean, emission) in mean.iter_mut().zip(&emitted.mean) {
-        *mean -= emission;
-    }
-    for pixel in 0..pixels {
-        let lanes = (pixel..mean.len()).step_by(pixels);
-        if lanes.clone().any(|lane| emitted.mean[lane] != 0.0) {
+fn subtract(grid: &Grid, emission: &[f32], mean: &mut [f32], root: &mut [f32]) {
+    mean.iter_mut().zip(emission).for_each(|(mean, emission)| *mean -= emission);
+    for pixel in 0..grid.pixels() {
+        let lanes = (pixel..mean.len()).step_by(grid.pixels());
+        if lanes.clone().any(|lane| emission[lane] != 0.0) {
             lanes.for_each(|lane| root[lane] = f32::NAN);
         }
     }

@@ -9,7 +9,7 @@ pub(super) const MOST: usize = 4;
 const RIDGE: f64 = 1e-4;
 
 /// The places of the lower half of A, row by row.
-pub(super) const TRIANGLE: usize = MOST * (MOST + 1) / 2;
+const TRIANGLE: usize = MOST * (MOST + 1) / 2;
 
 /// A, symmetric, of which the lower half is stored, and b.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -20,11 +20,27 @@ pub(super) struct Moments {
 
 /// The place of a row and a column of A, the column not above the row.
 #[inline(always)]
-pub(super) const fn place(row: usize, column: usize) -> usize {
+const fn place(row: usize, column: usize) -> usize {
     row * (row + 1) / 2 + column
 }
 
 impl Moments {
+    /// Adds d dᵀ to A.
+    #[inline(always)]
+    pub(super) fn add_squares(&mut self, changes: &[f64; MOST]) {
+        for i in 0..MOST {
+            for j in 0..=i {
+                self.a[place(i, j)] += changes[i] * changes[j];
+            }
+        }
+    }
+
+    /// Adds d (h − S) to b.
+    #[inline(always)]
+    pub(super) fn add_products(&mut self, changes: &[f64; MOST], missing: f64) {
+        self.b.iter_mut().zip(changes).for_each(|(sum, change)| *sum += change * missing);
+    }
+
     /// A w
     pub(super) fn times(&self, w: &[f64; MOST]) -> [f64; MOST] {
         std::array::from_fn(|i| {
@@ -88,5 +104,62 @@ impl Moments {
         let mut x = [0.0; MOST];
         (0..count).for_each(|i| x[members[i]] = solution[i]);
         x
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::SplitMix64;
+
+    /// The least change at the points of a grid over the simplex: slow, and right.
+    fn slowly(moments: &Moments, w: &mut [f64; MOST], i: usize, left: u32, least: &mut f64) {
+        const STEPS: f64 = 20.0;
+        if i == MOST {
+            *least = least.min(moments.change(w));
+            return;
+        }
+        for k in 0..=left {
+            w[i] = f64::from(k) / STEPS;
+            slowly(moments, w, i + 1, left - k, least);
+        }
+        w[i] = 0.0;
+    }
+
+    #[test]
+    fn no_weights_on_the_simplex_are_better() {
+        let mut random = SplitMix64(7);
+        for count in 1..=MOST {
+            for _ in 0..40 {
+                let mut moments = Moments::default();
+                for _ in 0..6 {
+                    let missing = 2.0 * random.uniform() - 1.0;
+                    let change = |i| if i < count { missing + random.uniform() - 0.3 } else { 0.0 };
+                    let changes = [0, 1, 2, 3].map(change);
+                    moments.add_squares(&changes);
+                    moments.add_products(&changes, missing);
+                }
+                let w = moments.best_weights(count);
+                assert!(w.iter().all(|&w| w >= 0.0) && w.iter().sum::<f64>() < 1.0 + 1e-9, "{w:?}");
+                assert!(w[count..].iter().all(|&w| w == 0.0), "{w:?}");
+                let mut least = 0.0;
+                slowly(&moments, &mut [0.0; MOST], 0, 20, &mut least);
+                // The ridge costs a ten-thousandth of A.
+                assert!(moments.change(&w) < least + 2e-4 * moments.trace(), "{w:?}");
+                // The comparison would see weights that are a little off.
+                let off = w.map(|w| 0.7 * w);
+                let worse = moments.change(&off) > moments.change(&w) + 4e-4 * moments.trace();
+                assert!(worse || w.iter().sum::<f64>() < 0.1, "{w:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn sums_that_say_nothing_give_no_weights() {
+        let mut moments = Moments::default();
+        assert_eq!(moments.best_weights(4), [0.0; MOST]);
+        moments.add_squares(&[1.0; MOST]);
+        moments.add_products(&[f64::NAN, 1.0, 1.0, 1.0], 1.0);
+        assert_eq!(moments.best_weights(1), [0.0; MOST]);
     }
 }

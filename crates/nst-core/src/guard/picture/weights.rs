@@ -147,7 +147,7 @@ fn of_all(cells: &Cells, count: usize) -> OfAll {
 /// Smooths sums over their knots; what falls beyond the ends is lost.
 fn along(kernel: &[f64], from: &[Sums], to: &mut [Sums]) {
     let reach = kernel.len() / 2;
-    for (i, from) in from.iter().enumerate().filter(|(_, sums)| sums.count > 0.0) {
+    for (i, from) in from.iter().enumerate().filter(|(_, sums)| !sums.is_empty()) {
         for (k, share) in kernel.iter().enumerate() {
             if let Some(sums) = (i + k).checked_sub(reach).and_then(|i| to.get_mut(i)) {
                 sums.add(from, *share);
@@ -178,7 +178,7 @@ impl<'a> Near<'a> {
         let mut rows = vec![Sums::default(); of_row];
         for (k, share) in self.of_distance.iter().enumerate() {
             let from = &self.cells.sums[clamp(row, k, down) * of_row..][..of_row];
-            let sums = rows.iter_mut().zip(from).filter(|(_, from)| from.count > 0.0);
+            let sums = rows.iter_mut().zip(from).filter(|(_, from)| !from.is_empty());
             sums.for_each(|(sum, from)| sum.add(from, *share));
         }
         out.clear();
@@ -188,7 +188,7 @@ impl<'a> Near<'a> {
             cell.fill(Sums::default());
             for (k, share) in self.of_distance.iter().enumerate() {
                 let from = &rows[clamp(column, k, across) * of_cell..][..of_cell];
-                let sums = cell.iter_mut().zip(from).filter(|(_, from)| from.count > 0.0);
+                let sums = cell.iter_mut().zip(from).filter(|(_, from)| !from.is_empty());
                 sums.for_each(|(sum, from)| sum.add(from, *share));
             }
             for (from, to) in cell.chunks_exact(KNOTS).zip(out.chunks_exact_mut(KNOTS)) {
@@ -278,5 +278,47 @@ impl Gain {
         let count: f64 = rows.iter().map(|row| row.count).sum();
         let trust = |expert: usize| rows.iter().map(|row| row.trust[expert]).sum::<f64>() / count;
         Self { blocks, trust: std::array::from_fn(trust) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sums of a picture of one brightness in which one expert changes all lanes by 1, and these
+    /// are missing in the lanes of the halves.
+    fn cells(missing: [f64; HALVES]) -> Cells {
+        let division = Division::new(32, 32);
+        let mut cells = Cells::new(division);
+        for cell in cells.sums.chunks_exact_mut(HALVES * KNOTS) {
+            for (half, missing) in missing.into_iter().enumerate() {
+                let sums = &mut cell[half * KNOTS + 9];
+                (sums.count, sums.variance) = (24.0, 24.0);
+                sums.moments.add_squares(&[24.0_f64.sqrt(), 0.0, 0.0, 0.0]);
+                sums.moments.add_products(&[24.0, 0.0, 0.0, 0.0], missing);
+            }
+        }
+        cells
+    }
+
+    #[test]
+    fn one_half_says_how_much_the_other_may_change() {
+        let place = super::super::cells::BRIGHTNESS.place(-0.1);
+        let (weights, gain) = Weights::fit(&cells([0.5, 0.25]), 1);
+        let of = |half: usize| f64::from(weights.at(13, 22, half, place).0[0]);
+        // The ridge takes a ten-thousandth off.
+        assert!((of(0) - 0.25).abs() < 1e-3 && (of(1) - 0.5).abs() < 1e-3);
+        // w² − 2 w b of each half, 64 cells of 24 lanes.
+        let changes = 64.0 * 24.0 * (0.0625 - 0.25 + 0.25 - 0.25);
+        let told: f64 = gain.blocks.iter().map(|block| block[0]).sum();
+        assert!((told / changes - 1.0).abs() < 1e-3, "{told} {changes}");
+        assert_eq!(gain.blocks.len(), 4);
+    }
+
+    #[test]
+    fn what_loses_by_the_other_half_is_not_blended() {
+        let (weights, gain) = Weights::fit(&cells([0.9, -0.5]), 1);
+        assert_eq!(gain.trust, [0.0; MOST]);
+        assert!(weights.weights.iter().all(|w| *w == [0.0; MOST]));
     }
 }

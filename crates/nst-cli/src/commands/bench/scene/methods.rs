@@ -8,7 +8,7 @@ use std::{
 
 use nst_core::{Estimates, FurtherPowers, SequenceBatch, guard::Judgement};
 
-use super::source::{Origin, Run};
+use super::source::{Needs, Origin, Run};
 use crate::{
     args::{BackendArg, CommonArgs, ExpertArg, TransformArg},
     error::Error,
@@ -80,17 +80,6 @@ impl Opening {
     }
 }
 
-/// What methods read of a rendering.
-#[derive(Clone, Copy)]
-pub(super) struct Needs {
-    /// The most last terms that one of them reads.
-    pub(super) window: usize,
-    /// The further powers of samples whose means some of them read.
-    pub(super) powers: FurtherPowers,
-    /// Whether some of them read features.
-    pub(super) features: bool,
-}
-
 impl Methods {
     /// The plain estimate, and then these, each once, and the networks of these files.
     ///
@@ -154,13 +143,10 @@ impl Methods {
         let mut all = Needs { window: 1, powers: FurtherPowers::NONE, features: false };
         for name in names {
             let Some(choice) = self.choice(name) else { continue };
-            let method = &self.ready(name, &choice, origin)?.method;
-            let needs = method.transform.requires();
-            all = Needs {
-                window: all.window.max(needs.window),
-                powers: all.powers.with(needs.powers),
-                features: all.features || method.reads_features(),
-            };
+            let needs = self.ready(name, &choice, origin)?.method.transform.requires();
+            all.window = all.window.max(needs.window);
+            all.powers = all.powers.with(needs.powers);
+            all.features |= needs.reads_features();
         }
         Ok(all)
     }

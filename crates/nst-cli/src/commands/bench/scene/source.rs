@@ -2,11 +2,10 @@
 
 use std::{path::PathBuf, time::Duration};
 
-use nst_core::{Keep, SequenceBatch};
+use nst_core::{FurtherPowers, Keep, SequenceBatch};
 use nst_files::sequence_file::{SequenceFile, SequenceReader};
 use nst_render::{Control, RenderSettings, SamplerKind, Scene, render_from};
 
-use super::methods::Needs;
 use crate::{
     args::BenchSceneArgs,
     error::Error,
@@ -72,6 +71,16 @@ impl Origin {
             ..Row::default()
         }
     }
+}
+
+/// What methods need of a rendering.
+#[derive(Clone, Copy)]
+pub(super) struct Needs {
+    /// How many last terms.
+    pub(super) window: usize,
+    /// The further powers of the samples of which means are read.
+    pub(super) powers: FurtherPowers,
+    pub(super) features: bool,
 }
 
 impl Source {
@@ -164,16 +173,12 @@ impl Source {
         }
     }
 
-    /// Renders a run, or reads it. What is needed matters to a rendering alone.
-    pub(super) fn run(
-        &self,
-        spp: u32,
-        number: u32,
-        Needs { window, powers, features }: Needs,
-    ) -> Result<Run, Error> {
+    /// Renders a run, or reads it. What is needed of it matters to a rendering alone.
+    pub(super) fn run(&self, spp: u32, number: u32, needs: Needs) -> Result<Run, Error> {
         match self {
             Self::Scene { scene, sampler, seed, .. } => {
                 let seed = seed + u64::from(number);
+                let Needs { window, powers, features } = needs;
                 let keep = Keep::Window(window as u32);
                 let settings =
                     RenderSettings { spp, sampler: *sampler, seed, keep, powers, features };

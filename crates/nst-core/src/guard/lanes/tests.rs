@@ -1,6 +1,9 @@
 //! The guard on lanes whose true values are known.
 
-use super::*;
+use super::{
+    super::{Alone, OfTransform, Seen, sample},
+    *,
+};
 use crate::{
     Grid, LANES_PER_BLOCK, LaneSums, PowerSums, Side, fold_count, random::SplitMix64,
     sequence::tests::Cut,

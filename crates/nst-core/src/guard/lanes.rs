@@ -1,0 +1,405 @@
+//! The guard over experts that look at lanes one by one.
+
+use rayon::prelude::*;
+
+use super::{
+    judge::{ErrorRatios, Judgement, judge},
+    refit::{Adapting, Refit},
+    regression::Regressions,
+    sample::{
+        CHUNK, FoldMeans, FurtherMeans, GROUPS, Sample, fold_means, further_means, part_of,
+        shares_without,
+    },
+    seen::{Expert, STATISTICS},
+    simplex::MOST,
+    table::Table,
+    view::{Lanes, View, weighted},
+    weights::{CORRECTIONS, Changes, Weights, strata},
+};
+use crate::{
+    Error, Estimates, FOLDS, Fit, Fitted, FurtherPowers, Grid, Power, Requirements, SequenceBatch,
+    Status, Strips, Transform,
+};
+
+/// Blends the plain estimate with experts as far as samples that were held out support it.
+/// Three more experts, two regressions and a table of corrections, are learnt from the batch
+/// itself.
+#[derive(Default)]
+pub struct Guard {
+    experts: Vec<Box<dyn Expert>>,
+}
+
+/// A [`Guard`] that has measured its experts on a batch.
+pub struct FittedGuard<'a> {
+    experts: Vec<&'a dyn Expert>,
+    /// Those that were fitted again.
+    refits: Vec<Refit<'a>>,
+    /// Or why all lanes keep the plain estimate.
+    learnt: Result<Learnt, Status>,
+    judgement: Judgement,
+}
+
+/// What is learnt from a batch.
+struct Learnt {
+    corrections: Corrections,
+    weights: Weights,
+    errors: ErrorRatios,
+    /// The mean of |S| over the lanes that were learnt from.
+    unit: f64,
+    /// How many samples are in each fold.
+    counts: [f64; FOLDS],
+    /// Further powers that experts see.
+    powers: Vec<Power>,
+    /// How many pixels the batch has.
+    pixels: usize,
+}
+
+/// The experts that learn from the batch.
+struct Corrections {
+    regressions: Regressions,
+    table: Table,
+}
+
+impl Corrections {
+    /// What they change, in the order of [`CORRECTIONS`], `[expert][lane]`, by the half that each
+    /// lane is in: the other half teaches.
+    fn changes(&self, lanes: &Lanes, halves: &[u8]) -> Vec<Vec<f32>> {
+        let mut changes = vec![vec![0.0; halves.len()]; CORRECTIONS.len()];
+        let [of_relative, of_absolute, of_table] = &mut changes[..] else { unreachable!() };
+        let experts = of_relative.iter_mut().zip(of_absolute).zip(of_table).zip(halves);
+        for (lane, (((relative, absolute), table), &half)) in experts.enumerate() {
+            let bounds = lanes.bounds(lane);
+            let of_regressions = self.regressions.changes(lanes, lane, half.into());
+            [*relative, *absolute] = of_regressions.map(|change| bounds.of(change));
+            *table = bounds.of(self.table.change(lanes, lane, half.into()));
+        }
+        changes
+    }
+}
+
+impl Guard {
+    /// The most experts beside those that learn from the batch. One that
+    /// [adapts](Expert::adapts) counts twice: as itself, and fitted again.
+    pub const MOST_EXPERTS: usize = MOST - CORRECTIONS.len();
+
+    /// A guard over these experts and those that learn from the batch.
+    ///
+    /// # Errors
+    /// [`Error::Batch`] if there are too many.
+    pub fn new(experts: Vec<Box<dyn Expert>>) -> Result<Self, Error> {
+        const MOST_EXPERTS: usize = Guard::MOST_EXPERTS;
+        let adapting = experts.iter().filter(|expert| expert.adapts().is_some()).count();
+        if experts.len() + adapting > MOST_EXPERTS {
+            let message = format!(
+                "{} experts, {adapting} of them also refitted; at most {MOST_EXPERTS} can be blended",
+                experts.len()
+            );
+            return Err(Error::Batch(message));
+        }
+        Ok(Self { experts })
+    }
+
+    /// As [`Transform::fit`], with what the guard has found.
+    ///
+    /// # Errors
+    /// Those of `strips`.
+    pub fn measure<'a>(&'a self, strips: &mut dyn Strips) -> Result<FittedGuard<'a>, Error> {
+        let mut sample = Sample::new(self.powers());
+        sample.add_all(strips)?;
+        Ok(self.learn(sample))
+    }
+
+    /// Learns from a sample of all strips.
+    fn learn(&self, sample: Sample) -> FittedGuard<'_> {
+        let plain = |status: Status, why: &str| FittedGuard {
+            experts: Vec::new(),
+            refits: Vec::new(),
+            learnt: Err(status),
+            judgement: Judgement::plain(why),
+        };
+        let sample = match sample.finish() {
+            Ok(sample) => sample,
+            Err(status) => {
+                let why = match status {
+                    Status::NoFolds => {
+                        "there are no statistics of four folds, as of snapshots, old files, or fewer \
+                         than four samples, so nothing can be held out"
+                    }
+                    Status::TooShort => {
+                        "there are fewer than four samples, so nothing can be held out"
+                    }
+                    _ => "no estimates are finite",
+                };
+                return plain(status, why);
+            }
+        };
+        let views: Vec<View> = (0..=GROUPS)
+            .into_par_iter()
+            .map(|group| View::new(&sample.means(), &sample.further(), &sample.counts, group, None))
+            .collect();
+        if !views.iter().all(|view| view.unit > 0.0 && view.unit.is_finite()) {
+            return plain(Status::Constant, "all estimates are 0");
+        }
+        let missing = missing(&sample, &views[..GROUPS]);
+        let Asked { experts, changes: of_experts, adapting, notes } = self.ask(&views);
+        let (unit, counts) = (views[GROUPS].unit, sample.counts);
+        let lanes: Vec<Lanes> = views.into_par_iter().map(View::lanes).collect();
+        let held_out = &lanes[..GROUPS];
+        let corrections = Corrections {
+            regressions: Regressions::fit(&sample, held_out, &missing),
+            table: Table::fit(&sample, held_out, &missing),
+        };
+        let refit = |adapting| Refit::fit(adapting, &sample, held_out, &missing);
+        let refits: Vec<Refit<'_>> = adapting.iter().map(refit).collect();
+        let halves = sample.halves();
+        let half = |lane: usize| usize::from(halves[lane]);
+        let of_corrections = lanes.par_iter().map(|lanes| corrections.changes(lanes, &halves));
+        let mut changes: Vec<Vec<Vec<f32>>> = of_corrections.collect();
+        changes.iter_mut().zip(of_experts).for_each(|(all, of_experts)| all.extend(of_experts));
+        for (refit, adapting) in refits.iter().zip(&adapting) {
+            let all = changes.iter_mut().zip(&adapting.of_views);
+            all.for_each(|(all, features)| all.push(refit.changes(features, half)));
+        }
+        let changes = Changes::new(&sample, &lanes, &missing, &changes);
+        let weights = Weights::fit(&changes);
+        let names = CORRECTIONS.into_iter().chain(experts.iter().map(|expert| expert.name()));
+        let names = names.chain(refits.iter().map(|refit| refit.name.as_str()));
+        let (judgement, errors) =
+            judge(&changes, &weights, names.map(str::to_owned).collect(), notes);
+        let powers = sample.further().into_iter().map(|(power, _)| power).collect();
+        let pixels = sample.pixels_of_batch();
+        let learnt = Learnt { corrections, weights, errors, unit, counts, powers, pixels };
+        FittedGuard { experts, refits, learnt: Ok(learnt), judgement }
+    }
+
+    /// The powers that experts need beside those that all batches have.
+    pub(super) fn powers(&self) -> FurtherPowers {
+        let experts = self.experts.iter().map(|expert| FurtherPowers::of(expert.powers()));
+        experts.fold(FurtherPowers::NONE, FurtherPowers::with)
+    }
+
+    /// Asks all experts about views.
+    fn ask(&self, views: &[View]) -> Asked<'_> {
+        let mut asked = Asked { changes: vec![Vec::new(); views.len()], ..Asked::default() };
+        for expert in &self.experts {
+            let expert = &**expert;
+            let changes: Result<Vec<_>, _> =
+                views.iter().map(|view| change(expert, view)).collect();
+            match changes.and_then(|changes| Ok((changes, Adapting::ask(expert, views)?))) {
+                Ok((changes, adapting)) => {
+                    asked.experts.push(expert);
+                    let all = asked.changes.iter_mut().zip(changes);
+                    all.for_each(|(all, changes)| all.push(changes));
+                    asked.adapting.extend(adapting);
+                }
+                Err(Error::Batch(why)) => {
+                    asked.notes.push(format!("'{}' is left out: {why}", expert.name()));
+                }
+                Err(error) => {
+                    asked.notes.push(format!("'{}' is left out: {error}", expert.name()));
+                }
+            }
+        }
+        asked
+    }
+}
+
+/// What experts say of views.
+#[derive(Default)]
+struct Asked<'a> {
+    /// Those that did not fail.
+    experts: Vec<&'a dyn Expert>,
+    /// What they change, `[view][expert][lane]`.
+    changes: Vec<Vec<Vec<f32>>>,
+    adapting: Vec<Adapting<'a>>,
+    /// Why others failed.
+    notes: Vec<String>,
+}
+
+/// The means of the groups held out minus the plain estimates of the others, `[group][lane]`.
+fn missing(sample: &Sample, views: &[View]) -> Vec<Vec<f32>> {
+    let [means, ..] = sample.means();
+    let of_group = |(group, view): (usize, &View)| {
+        means[group].iter().zip(&view.mean).map(|(held_out, mean)| held_out - mean).collect()
+    };
+    views.par_iter().enumerate().map(of_group).collect()
+}
+
+/// What an expert changes, 0 where that is not finite.
+fn change(expert: &dyn Expert, view: &View) -> Result<Vec<f32>, Error> {
+    let mut estimates = vec![0.0; view.mean.len()];
+    expert.estimate(&view.seen(), &mut estimates)?;
+    for (estimate, mean) in estimates.iter_mut().zip(&view.mean) {
+        let change = *estimate - mean;
+        *estimate = if change.is_finite() { change } else { 0.0 };
+    }
+    Ok(estimates)
+}
+
+impl FittedGuard<'_> {
+    /// What was found out about the experts.
+    #[must_use]
+    pub fn judgement(&self) -> &Judgement {
+        &self.judgement
+    }
+
+    /// What the blend changes in the lanes of the inner rows of a strip, without a group of folds;
+    /// 0 where it fails. That group has taught nothing of it: the other half of the chessboard has.
+    pub(super) fn changes(&self, strip: &SequenceBatch, grid: &Grid, group: usize) -> Vec<f32> {
+        let (Ok(learnt), Some(means)) = (&self.learnt, fold_means(strip)) else {
+            return vec![0.0; grid.inner(strip.last()).len()];
+        };
+        let plain = match group {
+            GROUPS => strip.last().to_vec(),
+            _ => weighted(&means[0], &shares_without(&learnt.counts, group)),
+        };
+        let mut estimates = Estimates::default();
+        if self.without(group, learnt, strip, &means, &mut estimates).is_err() {
+            return vec![0.0; grid.inner(strip.last()).len()];
+        }
+        let pairs = estimates.values().iter().zip(&plain);
+        let change = |(estimate, plain): (&f32, &f32)| {
+            let change = estimate - plain;
+            if change.is_finite() { change } else { 0.0 }
+        };
+        grid.inner(&pairs.map(change).collect::<Vec<_>>()).into_owned()
+    }
+
+    /// Estimates all lanes of a strip without a group; of all folds, if there is no such group.
+    fn without(
+        &self,
+        group: usize,
+        learnt: &Learnt,
+        strip: &SequenceBatch,
+        means: &FoldMeans<'_>,
+        out: &mut Estimates,
+    ) -> Result<(), Error> {
+        let further = further_means(strip, &learnt.powers);
+        let (values, status, errors) = out.reset_with_errors(strip.lanes());
+        let chunks = values.par_chunks_mut(CHUNK).zip(status.par_chunks_mut(CHUNK));
+        let chunks = chunks.zip(errors.par_chunks_mut(CHUNK));
+        chunks.enumerate().try_for_each(|(number, ((values, status), errors))| {
+            let first = number * CHUNK;
+            let range = first..first + values.len();
+            let means = means.map(|folds| folds.map(|fold| &fold[range.clone()]));
+            let further = part_of(&further, &range);
+            let chunk = Chunk { strip, first, last: &strip.last()[range], means, further };
+            self.estimate(group, learnt, &chunk, values, status, errors)
+        })
+    }
+
+    /// The numbers of samples in the folds, the unit, and the number of the batch's pixels, if
+    /// anything was learnt.
+    pub(super) fn of_batch(&self) -> Option<([f64; FOLDS], f64, usize)> {
+        let learnt = self.learnt.as_ref().ok()?;
+        Some((learnt.counts, learnt.unit, learnt.pixels))
+    }
+
+    /// The estimates of some lanes and their errors.
+    fn estimate(
+        &self,
+        group: usize,
+        learnt: &Learnt,
+        chunk: &Chunk<'_>,
+        values: &mut [f32],
+        status: &mut [Status],
+        errors: &mut [f32],
+    ) -> Result<(), Error> {
+        let Learnt { corrections, weights, errors: ratios, unit, counts, .. } = learnt;
+        let mut view = View::new(&chunk.means, &chunk.further, counts, group, Some(*unit));
+        let finite = view.finite();
+        if group == GROUPS {
+            view.mean.copy_from_slice(chunk.last);
+        }
+        let of_experts = self.experts.iter().map(|expert| change(*expert, &view));
+        let halves = chunk.strip.halves(chunk.first..chunk.first + values.len());
+        let half = |lane: usize| usize::from(halves[lane]);
+        let of_refits = self.refits.iter().map(|refit| refit.changes_of(&view, half));
+        let of_experts = of_experts.chain(of_refits).collect::<Result<Vec<_>, _>>()?;
+        let lanes = view.lanes();
+        let mut changes = corrections.changes(&lanes, &halves);
+        changes.extend(of_experts);
+        let strata = strata(&lanes, &changes[0]);
+        for (lane, (value, strata)) in values.iter_mut().zip(strata).enumerate() {
+            *value = weights.blend(strata, half(lane), lanes.mean[lane], &changes, lane);
+            errors[lane] = lanes.variance[lane].sqrt() * ratios.at(strata) as f32;
+            if !(finite[lane] && value.is_finite()) {
+                (*value, status[lane], errors[lane]) =
+                    (chunk.last[lane], Status::NotFinite, f32::NAN);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A guard that takes its sample of strips as they come.
+struct Learning<'a> {
+    guard: &'a Guard,
+    sample: Sample,
+}
+
+impl<'a> Fit<'a> for Learning<'a> {
+    fn add(&mut self, strip: &SequenceBatch) -> Result<(), Error> {
+        self.sample.add(strip);
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<Box<dyn Fitted + 'a>, Error> {
+        Ok(Box::new(self.guard.learn(self.sample)))
+    }
+}
+
+/// Lanes of a strip that follow each other.
+struct Chunk<'a> {
+    strip: &'a SequenceBatch,
+    first: usize,
+    last: &'a [f32],
+    means: FoldMeans<'a>,
+    further: FurtherMeans<'a>,
+}
+
+impl Transform for Guard {
+    fn requires(&self) -> Requirements {
+        Requirements { powers: self.powers(), ..STATISTICS }
+    }
+
+    fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
+        Ok(Box::new(self.measure(strips)?))
+    }
+
+    fn start(&self) -> Option<Box<dyn Fit<'_> + '_>> {
+        Some(Box::new(Learning { guard: self, sample: Sample::new(self.powers()) }))
+    }
+}
+
+impl Fitted for FittedGuard<'_> {
+    fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
+        let (learnt, means) = match (&self.learnt, fold_means(strip)) {
+            (Ok(learnt), Some(means)) => (learnt, means),
+            (Ok(_), None) => {
+                out.fall_back(strip, Status::NoFolds);
+                return Ok(());
+            }
+            (Err(status), _) => {
+                out.fall_back(strip, *status);
+                return Ok(());
+            }
+        };
+        if self.without(GROUPS, learnt, strip, &means, out).is_err() {
+            out.fall_back(strip, Status::ExpertFailed);
+            out.errors_unknown();
+        }
+        Ok(())
+    }
+
+    fn estimates_errors(&self) -> bool {
+        self.learnt.is_ok()
+    }
+
+    fn judgement(&self) -> Option<&Judgement> {
+        Some(&self.judgement)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,158 @@
+//! What the experts are worth on a picture, and the estimates that follow.
+
+use rayon::prelude::*;
+
+use super::{
+    super::{
+        judge::{Judgement, interval},
+        sample::GROUPS,
+    },
+    cells::{Cells, Held},
+    layers::Strip,
+    panel::Panel,
+    weights::{Gain, Weights},
+};
+use crate::{Error, Estimates, Fitted, SequenceBatch, Status};
+
+/// A [`PictureGuard`](super::PictureGuard) that has measured its experts on a picture.
+pub(super) struct FittedPicture<'a> {
+    panel: Panel<'a>,
+    /// Of the reflected layer, and of the emitted one if there is one.
+    weights: Vec<Weights>,
+    judgement: Judgement,
+}
+
+impl<'a> FittedPicture<'a> {
+    /// With weights by the sums of each layer.
+    pub(super) fn new(panel: Panel<'a>, cells: &[Cells], notes: Vec<String>) -> Self {
+        let counts = [panel.names().len(), panel.names_of_emission().len()];
+        let fits = cells.iter().zip(counts);
+        let (weights, gains): (Vec<_>, Vec<_>) =
+            fits.map(|(cells, count)| Weights::fit(cells, count)).unzip();
+        let mut fitted = Self { panel, weights, judgement: Judgement::default() };
+        fitted.judgement = fitted.judge(&gains, notes);
+        fitted
+    }
+
+    /// What the weights of both layers gain.
+    fn judge(&self, gains: &[Gain], notes: Vec<String>) -> Judgement {
+        let mut blocks = gains[0].blocks.clone();
+        for gain in &gains[1..] {
+            let pairs = blocks.iter_mut().flatten().zip(gain.blocks.iter().flatten());
+            pairs.for_each(|(sum, more)| *sum += more);
+        }
+        let samples = self.panel.counts.iter().sum();
+        let trusted = gains.iter().flat_map(|gain| gain.trust).any(|trust| trust > 0.0);
+        let (ratio, interval) = interval(&blocks, samples, trusted);
+        let names = self.panel.names().into_iter().map(str::to_owned);
+        Judgement { experts: names.zip(gains[0].trust).collect(), ratio, interval, notes }
+    }
+
+    /// Writes the estimates of the inner rows of a strip.
+    fn estimate(&self, strip: &Strip<'_>, layers: &[Held], out: &mut Estimates) {
+        let (grid, inner) = (strip.grid, strip.grid.inner_rows());
+        let (width, pixels) = (grid.width(), inner.len() * grid.width());
+        let last = grid.inner(strip.batch.last());
+        let variances = strip.variances();
+        let rows = Rows {
+            layers,
+            halves: &strip.batch.halves(inner.start * width..inner.end * width),
+            last: &last,
+            variances: &variances,
+            width,
+            first: grid.first_row() as usize + inner.start,
+        };
+        let (values, status, errors) = out.reset_with_errors(last.len());
+        // `[row][channel]`
+        let mut places: Vec<Vec<Place<'_>>> = Vec::new();
+        places.resize_with(inner.len(), Vec::new);
+        let planes = values.chunks_exact_mut(pixels).zip(status.chunks_exact_mut(pixels));
+        for ((values, status), errors) in planes.zip(errors.chunks_exact_mut(pixels)) {
+            let parts = values.chunks_exact_mut(width).zip(status.chunks_exact_mut(width));
+            let parts = parts.zip(errors.chunks_exact_mut(width));
+            for (row, ((values, status), errors)) in places.iter_mut().zip(parts) {
+                row.push(Place { values, status, errors });
+            }
+        }
+        let places = places.into_par_iter().enumerate();
+        places.for_each(|(y, mut place)| self.estimate_row(&rows, y, &mut place));
+    }
+
+    /// Writes the estimates of one of some rows.
+    fn estimate_row(&self, rows: &Rows<'_>, y: usize, places: &mut [Place<'_>]) {
+        let (pixels, channels) = (rows.halves.len(), places.len());
+        let mut changes = vec![0.0; channels];
+        for x in 0..rows.width {
+            let pixel = y * rows.width + x;
+            let lanes = (pixel..channels * pixels).step_by(pixels);
+            changes.fill(0.0);
+            let mut variance = 0.0;
+            for (layer, weights) in rows.layers.iter().zip(&self.weights) {
+                let half = rows.halves[pixel].into();
+                let (w, of_layer) = weights.at(x, rows.first + y, half, layer.places[pixel]);
+                // Where a layer has no lanes it has no variance, either, and that is a NaN.
+                variance += of_layer.max(0.0);
+                for (sum, lane) in changes.iter_mut().zip(lanes.clone()) {
+                    *sum += layer.changes.iter().zip(w).map(|(of, w)| w * of[lane]).sum::<f32>();
+                }
+            }
+            // Of its lanes, the one whose samples differ more has more of it.
+            let sum: f32 = lanes.clone().map(|lane| rows.variances[lane]).sum();
+            for ((place, lane), change) in places.iter_mut().zip(lanes).zip(&changes) {
+                let share = channels as f32 * rows.variances[lane] / sum;
+                let share = if share.is_finite() { share } else { 1.0 };
+                place.values[x] = rows.last[lane] + change;
+                place.errors[x] = (variance * share).sqrt();
+                if !place.values[x].is_finite() {
+                    place.values[x] = rows.last[lane];
+                    (place.status[x], place.errors[x]) = (Status::NotFinite, f32::NAN);
+                }
+            }
+        }
+    }
+}
+
+/// Rows that are estimated.
+struct Rows<'a> {
+    layers: &'a [Held],
+    /// `[pixel]`
+    halves: &'a [u8],
+    /// S and its variance, `[lane]`.
+    last: &'a [f32],
+    variances: &'a [f32],
+    width: usize,
+    /// In the picture.
+    first: usize,
+}
+
+/// Where the estimates of a row of a channel are written.
+struct Place<'a> {
+    values: &'a mut [f32],
+    status: &'a mut [Status],
+    errors: &'a mut [f32],
+}
+
+impl Fitted for FittedPicture<'_> {
+    fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
+        let Some(strip) = Strip::new(batch) else {
+            out.fall_back(batch, Status::NoFolds);
+            return Ok(());
+        };
+        match self.panel.look(&strip, GROUPS) {
+            Ok(layers) => self.estimate(&strip, &layers, out),
+            Err(_) => {
+                out.fall_back(batch, Status::ExpertFailed);
+                out.errors_unknown();
+            }
+        }
+        Ok(())
+    }
+
+    fn estimates_errors(&self) -> bool {
+        true
+    }
+
+    fn judgement(&self) -> Option<&Judgement> {
+        Some(&self.judgement)
+    }
+}

@@ -1,0 +1,123 @@
+//! The experts at work on strips of a picture.
+
+use super::{
+    super::{hats::Place, lanes::FittedGuard, logarithm::ln},
+    cells::{BRIGHTNESS, Held},
+    layers::{EMITTED, Feature, Layer, Layers, Strip},
+    seen::{PictureExpert, SeenPicture},
+};
+use crate::{Error, FOLDS};
+
+/// What the blend of the guard of lanes is called.
+const LANE: &str = "lane";
+
+/// Below this brightness, relative to the mean of the picture, all is alike.
+const FLOOR: f32 = 0.01;
+
+/// The experts of a picture, and what they must know of it.
+pub(super) struct Panel<'a> {
+    pub(super) lane: FittedGuard<'a>,
+    /// Whether the guard of lanes is one of the experts.
+    pub(super) blends_lane: bool,
+    pub(super) experts: Vec<&'a dyn PictureExpert>,
+    /// How many samples are in each fold.
+    pub(super) counts: [f64; FOLDS],
+    pub(super) unit: f64,
+}
+
+/// An expert that could not estimate.
+pub(super) struct Failure {
+    /// Its number.
+    pub(super) expert: usize,
+    pub(super) error: Error,
+}
+
+impl Panel<'_> {
+    /// The experts of the reflected layer.
+    pub(super) fn names(&self) -> Vec<&str> {
+        let lane = self.blends_lane.then_some(LANE);
+        lane.into_iter().chain(self.experts.iter().map(|expert| expert.name())).collect()
+    }
+
+    /// Those of the emitted one.
+    pub(super) fn names_of_emission(&self) -> Vec<&str> {
+        let lane = self.blends_lane.then_some(LANE);
+        let experts = self.experts.iter().filter(|expert| expert.estimates_emission());
+        lane.into_iter().chain(experts.map(|expert| expert.name())).collect()
+    }
+
+    /// What the experts change in the inner rows of a strip, in each layer, without a group; with
+    /// what is missing, if there is such a group.
+    pub(super) fn look(&self, strip: &Strip<'_>, group: usize) -> Result<Vec<Held>, Failure> {
+        let layers = strip.layers(&self.counts, group);
+        let mut missing = strip.missing(group, &layers);
+        let lane = self.blends_lane.then(|| self.lane.changes(strip.batch, strip.grid, group));
+        let lane = lane.map(|changes| by_layer(strip, &layers, changes));
+        let of_layer = |(number, missing): (usize, &mut Vec<f32>)| {
+            let lane = lane.iter().map(|lane| lane[number].clone()).collect();
+            let (changes, places) = self.estimate(strip, &layers, number, lane)?;
+            Ok(Held { changes, missing: std::mem::take(missing), places })
+        };
+        missing.iter_mut().enumerate().map(of_layer).collect()
+    }
+
+    /// What the experts change in a layer, after what the first ones do, and where its brightness
+    /// lies by what the first that looks at neighbours says.
+    fn estimate(
+        &self,
+        strip: &Strip<'_>,
+        layers: &Layers,
+        number: usize,
+        mut changes: Vec<Vec<f32>>,
+    ) -> Result<(Vec<Vec<f32>>, Vec<Place>), Failure> {
+        let (grid, Layer { mean, root, .. }) = (strip.grid, &layers.parts[number]);
+        let [albedo, normal] =
+            [&layers.albedo, &layers.normal].map(|it| it.as_ref().map(Feature::seen));
+        let (samples, unit) = (layers.samples, self.unit);
+        let seen = SeenPicture { grid, samples, unit, mean, root, albedo, normal };
+        let mean = grid.inner(mean);
+        let of_lane = changes.len();
+        for (expert, it) in self.experts.iter().enumerate() {
+            if number == EMITTED && !it.estimates_emission() {
+                continue;
+            }
+            let mut estimates = vec![0.0; mean.len()];
+            it.estimate(&seen, &mut estimates).map_err(|error| Failure { expert, error })?;
+            for (estimate, mean) in estimates.iter_mut().zip(&*mean) {
+                let change = *estimate - mean;
+                *estimate = if change.is_finite() { change } else { 0.0 };
+            }
+            changes.push(estimates);
+        }
+        let places = self.places(&mean, changes.get(of_lane).or(changes.first()), grid.channels());
+        Ok((changes, places))
+    }
+
+    /// Where the brightness of pixels lies by what an expert changes in a layer.
+    fn places(&self, mean: &[f32], changes: Option<&Vec<f32>>, channels: usize) -> Vec<Place> {
+        let pixels = mean.len() / channels;
+        let mut sums = vec![0.0; pixels];
+        for lanes in [Some(mean), changes.map(Vec::as_slice)].into_iter().flatten() {
+            for plane in lanes.chunks_exact(pixels) {
+                sums.iter_mut().zip(plane).for_each(|(sum, x)| *sum += x);
+            }
+        }
+        let scale = 1.0 / (channels as f32 * self.unit as f32);
+        let place = |sum: f32| BRIGHTNESS.place(ln((scale * sum).max(0.0) + FLOOR));
+        sums.into_iter().map(place).collect()
+    }
+}
+
+/// Changes of lanes, for each layer: those of pixels that emit belong to the emission.
+fn by_layer(strip: &Strip<'_>, layers: &Layers, changes: Vec<f32>) -> Vec<Vec<f32>> {
+    let Some(emitted) = layers.parts.get(EMITTED) else { return vec![changes] };
+    let emission = strip.grid.inner(&emitted.mean);
+    let pixels = emission.len() / strip.grid.channels();
+    let mut by_layer = vec![changes; 2];
+    for pixel in 0..pixels {
+        let lanes = (pixel..emission.len()).step_by(pixels);
+        let emits = lanes.clone().any(|lane| emission[lane] != 0.0);
+        lanes.for_each(|lane| by_layer[usize::from(!emits)][lane] = 0.0);
+    }
+    by_layer
+}

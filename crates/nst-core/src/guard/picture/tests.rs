@@ -1,0 +1,417 @@
+//! The guard on pictures whose true values are known.
+
+use std::{borrow::Cow, sync::Mutex};
+
+use ndarray::Array2;
+
+use super::*;
+use crate::{
+    Error, Estimates, FOLDS, Grid, LaneSums, SequenceBatch, Side, Status, Strips, Support,
+    Transform, WelchFilter, Whole, guard::Guard, random::SplitMix64,
+};
+
+const WIDTH: usize = 52;
+const HEIGHT: usize = 44;
+
+/// The true value of a lane: two areas, a gradient, and a line of bright pixels.
+fn truth(grid: &Grid, lane: usize) -> f64 {
+    let (x, y) = (lane % grid.width(), lane % grid.pixels() / grid.width());
+    let channel = (1 + lane / grid.pixels()) as f64;
+    let area = if x > 2 * y { 0.2 } else { 1.0 };
+    let line = if x == 20 { 8.0 } else { 0.0 };
+    channel * (area + 0.01 * y as f64 + line)
+}
+
+/// A picture of this many samples per pixel, which are 0 or up to four times the true value.
+fn picture(grid: Grid, samples: usize, seed: u64) -> SequenceBatch {
+    let mut random = SplitMix64(seed);
+    let lanes = grid.lanes();
+    let (mut sums, mut values) = (vec![LaneSums::default(); lanes], vec![0.0; samples]);
+    let mut last = vec![0.0; lanes];
+    for (lane, sums) in sums.iter_mut().enumerate() {
+        let mean = truth(&grid, lane);
+        for (i, value) in values.iter_mut().enumerate() {
+            *value = if random.uniform() < 0.5 { 0.0 } else { 4.0 * mean * random.uniform() };
+            sums.add(i as u32, *value);
+        }
+        last[lane] = (values.iter().sum::<f64>() / samples as f64) as f32;
+    }
+    let mut batch = SequenceBatch::from_last(&last, samples as u32).expect("lanes");
+    batch.set_grid(grid).expect("as many lanes");
+    for side in Side::of_sums(samples as u32) {
+        let mut values = vec![0.0; lanes];
+        LaneSums::write_side(&sums, side, samples as u32, &mut values);
+        batch.set_side(side.clone(), values).expect("one value per lane");
+    }
+    batch
+}
+
+fn grid(channels: u32) -> Grid {
+    Grid::new(WIDTH as u32, HEIGHT as u32, channels, 0).expect("a grid")
+}
+
+/// An expert that a test describes: what it says of a lane whose plain estimate it knows.
+struct Says<F>(F);
+
+impl<F: Fn(&Grid, usize, f32) -> f32 + Send + Sync> PictureExpert for Says<F> {
+    fn name(&self) -> &str {
+        "told"
+    }
+
+    fn support(&self) -> Support {
+        Support::Pixel
+    }
+
+    fn estimate(&self, seen: &SeenPicture<'_>, out: &mut [f32]) -> Result<(), Error> {
+        let grid = *seen.grid;
+        let inner = grid.inner(seen.mean);
+        for (lane, (out, &mean)) in out.iter_mut().zip(&*inner).enumerate() {
+            *out = (self.0)(&grid, lane, mean);
+        }
+        Ok(())
+    }
+}
+
+fn guard(experts: Vec<Box<dyn PictureExpert>>) -> PictureGuard {
+    PictureGuard::new(Guard::default(), experts).expect("few experts")
+}
+
+/// The squared errors of T and of S, summed, and the estimates.
+fn errors(guard: &PictureGuard, batch: &SequenceBatch) -> ([f64; 2], Estimates) {
+    let mut out = Estimates::default();
+    guard.transform(batch, &mut out).expect("nothing fails");
+    let grid = batch.grid().expect("a picture");
+    let error = |values: &[f32]| -> f64 {
+        let lanes = values.iter().enumerate();
+        lanes.map(|(lane, x)| (f64::from(*x) - truth(grid, lane)).powi(2)).sum()
+    };
+    ([error(out.values()), error(batch.last())], out)
+}
+
+/// MSE_T/MSE_S over some runs.
+fn ratio(guard: &PictureGuard, samples: usize, runs: u64) -> f64 {
+    let sums = (0..runs).map(|seed| errors(guard, &picture(grid(3), samples, seed)).0);
+    let sums = sums.fold([0.0; 2], |sum, it| [sum[0] + it[0], sum[1] + it[1]]);
+    sums[0] / sums[1]
+}
+
+#[test]
+fn garbage_is_not_trusted() {
+    let noise = |lane: usize, x: f32| ((lane * 7919) as f32 * x).sin() * 3.0;
+    let experts: [(&str, Box<dyn PictureExpert>); 5] = [
+        ("a constant", Box::new(Says(|_: &Grid, _, _| 7.0))),
+        ("noise", Box::new(Says(move |_: &Grid, lane, mean| mean + noise(lane, mean)))),
+        ("another picture", Box::new(Says(|grid: &Grid, lane, _| truth(grid, lane / 2) as f32))),
+        ("NaN", Box::new(Says(|_: &Grid, _, _| f32::NAN))),
+        ("infinity", Box::new(Says(|_: &Grid, _, _| f32::INFINITY))),
+    ];
+    for (name, expert) in experts {
+        let ratio = ratio(&guard(vec![expert]).without_lane(), 16, 6);
+        assert!(ratio < 1.01, "{name}: {ratio}");
+    }
+}
+
+#[test]
+fn good_estimates_are_trusted_and_the_gain_is_predicted() {
+    // It errs by a quarter, β² = .0625 I², and V = .104 I²: at best, β²/(V + β²) = .375 is left.
+    let errs = |lane: usize| if lane.is_multiple_of(3) { 0.75 } else { 1.25 };
+    let expert = move |grid: &Grid, lane: usize, _| (errs(lane) * truth(grid, lane)) as f32;
+    let guard = guard(vec![Box::new(Says(expert))]).without_lane();
+    let [mut sums, mut told, mut inside] = [[0.0; 2], [0.0; 2], [0.0; 2]];
+    for seed in 20..28 {
+        let batch = picture(grid(3), 16, seed);
+        let fitted = guard.fit(&mut Whole::new(&batch)).expect("nothing fails");
+        let judgement = fitted.judgement().expect("it has judged");
+        let ([of_t, of_s], out) = errors(&guard, &batch);
+        let [low, high] = judgement.interval;
+        inside[usize::from(low < of_t / of_s && of_t / of_s < high)] += 1.0;
+        sums = [sums[0] + of_t, sums[1] + of_s];
+        let squares: f64 = out.errors().iter().map(|e| f64::from(*e).powi(2)).sum();
+        told = [told[0] + judgement.ratio, told[1] + squares];
+    }
+    let ratio = sums[0] / sums[1];
+    assert!(ratio < 0.5, "{ratio}");
+    // Eight intervals of 95 % contain all, or all but one.
+    assert!(inside[1] >= 7.0, "{inside:?}");
+    // Their means have less noise than a tenth.
+    assert!((told[0] / 8.0 / ratio - 1.0).abs() < 0.15, "{told:?} {ratio}");
+    assert!((told[1] / sums[0] - 1.0).abs() < 0.25, "{told:?} {sums:?}");
+}
+
+#[test]
+fn with_many_samples_a_biased_expert_is_left() {
+    let guard = guard(vec![Box::new(Says(|grid: &Grid, lane, _| 1.3 * truth(grid, lane) as f32))]);
+    let ratio = ratio(&guard.without_lane(), 4096, 2);
+    assert!((ratio - 1.0).abs() < 0.02, "{ratio}");
+}
+
+/// An expert that looks around: the mean of the pixels one row above and below.
+struct Vertical;
+
+impl PictureExpert for Vertical {
+    fn name(&self) -> &str {
+        "vertical"
+    }
+
+    fn support(&self) -> Support {
+        Support::Radius(1)
+    }
+
+    fn estimates_emission(&self) -> bool {
+        true
+    }
+
+    fn estimate(&self, seen: &SeenPicture<'_>, out: &mut [f32]) -> Result<(), Error> {
+        let (grid, inner) = (seen.grid, seen.grid.inner_rows());
+        let at = |c: usize, y: usize, x: usize| seen.mean[grid.lanes_of(c, y..y + 1).start + x];
+        let mut next = out.iter_mut();
+        for c in 0..grid.channels() {
+            for y in inner.clone() {
+                for x in 0..grid.width() {
+                    let (up, down) = (y.saturating_sub(1), (y + 1).min(grid.rows() - 1));
+                    let sum = at(c, up, x) + at(c, y, x) + at(c, down, x);
+                    *next.next().expect("one for each lane") = sum / 3.0;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A picture cut into strips of some rows, with a halo.
+struct Cut<'a> {
+    batch: &'a SequenceBatch,
+    step: usize,
+    next: usize,
+    halo: usize,
+}
+
+impl Strips for Cut<'_> {
+    fn rewind(&mut self, halo: u32) -> Result<(), Error> {
+        (self.next, self.halo) = (0, halo as usize);
+        Ok(())
+    }
+
+    fn next_strip(&mut self) -> Result<Option<Cow<'_, SequenceBatch>>, Error> {
+        let grid = *self.batch.grid().expect("a picture");
+        let (first, end) = (self.next, grid.rows().min(self.next + self.step));
+        self.next = end;
+        if first == end {
+            return Ok(None);
+        }
+        let (top, bottom) = (first.saturating_sub(self.halo), grid.rows().min(end + self.halo));
+        let planes = |values: &[f32]| -> Vec<f32> {
+            let planes = (0..values.len() / grid.pixels()).map(|c| grid.lanes_of(c, top..bottom));
+            planes.flat_map(|lanes| values[lanes].to_vec()).collect()
+        };
+        let last = planes(self.batch.last());
+        let terms = Array2::from_shape_vec((1, last.len()), last).expect("its shape");
+        let mut strip = SequenceBatch::new(terms, self.batch.sample_counts().to_vec())?;
+        let [width, rows, channels] =
+            [grid.width(), bottom - top, grid.channels()].map(|x| x as u32);
+        let part = Grid::new(width, rows, channels, top as u32)?;
+        strip.set_grid(part.with_halo((first - top) as u32, (bottom - end) as u32)?)?;
+        for (side, values) in self.batch.sides() {
+            strip.set_side(side.clone(), planes(values))?;
+        }
+        Ok(Some(Cow::Owned(strip)))
+    }
+}
+
+/// A picture with emission on some pixels and features, whose folds differ.
+fn with_features(mut batch: SequenceBatch) -> SequenceBatch {
+    let grid = *batch.grid().expect("a picture");
+    for fold in 0..FOLDS as u8 {
+        let emission = |lane: usize| {
+            let bright = (lane % grid.pixels()).is_multiple_of(37);
+            let mean = batch.side(&Side::Fold(fold)).map_or(0.0, |means| means[lane]);
+            if bright { 0.5 * mean } else { 0.0 }
+        };
+        let emission = (0..grid.lanes()).map(emission).collect();
+        let albedo = (0..grid.lanes()).map(|lane| (lane % 5 + usize::from(fold)) as f32 / 9.0);
+        let (albedo, normal) = (albedo.collect(), vec![f32::from(fold); 3 * grid.pixels()]);
+        batch.set_side(Side::EmissionFold(fold), emission).expect("its lanes");
+        batch.set_side(Side::AlbedoFold(fold), albedo).expect("its lanes");
+        batch.set_side(Side::NormalFold(fold), normal).expect("its pixels");
+    }
+    batch
+}
+
+/// What is estimated of a picture that comes in strips of this many rows.
+fn in_strips(guard: &PictureGuard, batch: &SequenceBatch, step: usize) -> (Vec<u32>, String) {
+    let grid = *batch.grid().expect("a picture");
+    let mut strips = Cut { batch, step, next: 0, halo: 0 };
+    let fitted = guard.fit(&mut strips).expect("nothing fails");
+    strips.rewind(guard.requires().halo()).expect("it can");
+    let mut rows: Vec<Vec<u32>> = vec![Vec::new(); grid.channels()];
+    let mut out = Estimates::default();
+    while let Some(strip) = strips.next_strip().expect("nothing fails") {
+        fitted.apply(&strip, &mut out).expect("nothing fails");
+        let bits = |values: &[f32]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        let pixels = out.values().len() / grid.channels();
+        let planes = out.values().chunks_exact(pixels).zip(out.errors().chunks_exact(pixels));
+        for (rows, (values, errors)) in rows.iter_mut().zip(planes) {
+            for (values, errors) in values.chunks(grid.width()).zip(errors.chunks(grid.width())) {
+                rows.extend(bits(values));
+                rows.extend(bits(errors));
+            }
+        }
+    }
+    (rows.concat(), format!("{:?}", fitted.judgement()))
+}
+
+#[test]
+fn strips_and_threads_make_no_difference() {
+    let batch = with_features(picture(grid(3), 8, 3));
+    let guard = guard(vec![Box::new(WelchFilter::default()), Box::new(Vertical)]);
+    let whole = in_strips(&guard, &batch, HEIGHT);
+    for step in [1, 7, 16] {
+        assert!(in_strips(&guard, &batch, step) == whole, "{step}");
+    }
+    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
+    assert!(alone.install(|| in_strips(&guard, &batch, HEIGHT)) == whole);
+    // Another picture has other bits.
+    assert!(in_strips(&guard, &with_features(picture(grid(3), 8, 4)), HEIGHT) != whole);
+}
+
+/// What an expert has seen: how many samples, and the first mean, root, albedo and normal.
+type Seen = [f32; 5];
+
+/// Remembers what it sees.
+struct Curious<'a> {
+    seen: &'a Mutex<Vec<Seen>>,
+}
+
+impl PictureExpert for Curious<'_> {
+    fn name(&self) -> &str {
+        "curious"
+    }
+
+    fn support(&self) -> Support {
+        Support::Picture
+    }
+
+    fn estimates_emission(&self) -> bool {
+        true
+    }
+
+    fn estimate(&self, seen: &SeenPicture<'_>, out: &mut [f32]) -> Result<(), Error> {
+        let of = |feature: Option<SeenFeature<'_>>| feature.map_or(f32::NAN, |it| it.mean[0]);
+        let first = [seen.mean[0], seen.root[0], of(seen.albedo), of(seen.normal)];
+        let [mean, root, albedo, normal] = first;
+        self.seen.lock().expect("no panic").push([seen.samples as f32, mean, root, albedo, normal]);
+        out.fill(1.0);
+        Ok(())
+    }
+}
+
+#[test]
+fn nothing_that_is_held_out_is_seen() {
+    // Pixel 0 emits.
+    let batch = with_features(picture(grid(3), 8, 5));
+    let seen = Mutex::new(Vec::new());
+    let curious = Curious { seen: &seen };
+    let panel = panel::Panel {
+        lane: guard_of_lanes(&batch),
+        blends_lane: false,
+        experts: vec![&curious],
+        counts: [2.0; FOLDS],
+        unit: 1.0,
+    };
+    let strip = layers::Strip::new(&batch).expect("it has folds");
+    let fold = |side: fn(u8) -> Side, fold: u8| batch.side(&side(fold)).expect("a fold")[0];
+    for group in 0..FOLDS as u8 {
+        seen.lock().expect("no panic").clear();
+        assert!(panel.look(&strip, group.into()).is_ok());
+        let mean = |side: fn(u8) -> Side| {
+            let others = (0..FOLDS as u8).filter(|it| *it != group).map(|it| fold(side, it));
+            others.sum::<f32>() / 3.0
+        };
+        let [reflected, emitted] = seen.lock().expect("no panic")[..] else { panic!("two layers") };
+        let near = |a: f32, b: f32| (a - b).abs() < 1e-6;
+        assert_eq!((reflected[0], emitted[0]), (6.0, 6.0));
+        assert!(near(emitted[1], mean(Side::EmissionFold)), "{group}");
+        assert!(near(reflected[1], mean(Side::Fold) - mean(Side::EmissionFold)), "{group}");
+        // Its roots are not known where a pixel emits.
+        assert!(reflected[2].is_nan() && emitted[2].is_nan());
+        assert!(near(reflected[3], mean(Side::AlbedoFold)), "{group}");
+        assert!(near(reflected[4], mean(Side::NormalFold)), "{group}");
+    }
+}
+
+/// What the guard of lanes makes of a picture.
+fn guard_of_lanes(batch: &SequenceBatch) -> crate::guard::FittedGuard<'static> {
+    static GUARD: std::sync::LazyLock<Guard> = std::sync::LazyLock::new(Guard::default);
+    GUARD.measure(&mut Whole::new(batch)).expect("nothing fails")
+}
+
+struct Fails;
+
+impl PictureExpert for Fails {
+    fn name(&self) -> &str {
+        "lost"
+    }
+
+    fn support(&self) -> Support {
+        Support::Pixel
+    }
+
+    fn estimate(&self, _: &SeenPicture<'_>, _: &mut [f32]) -> Result<(), Error> {
+        Err(Error::Batch("it has no library".into()))
+    }
+}
+
+#[test]
+fn an_expert_that_fails_is_left_out() {
+    let batch = picture(grid(3), 8, 6);
+    let with = guard(vec![Box::new(Fails), Box::new(Vertical)]);
+    let without = guard(vec![Box::new(Vertical)]);
+    let (a, b) = (errors(&with, &batch).1, errors(&without, &batch).1);
+    assert!(a == b);
+    let fitted = with.fit(&mut Whole::new(&batch)).expect("nothing else fails");
+    let judgement = fitted.judgement().expect("it has judged");
+    assert_eq!(judgement.notes, ["'lost' is left out: it has no library"]);
+    assert_eq!(judgement.experts.len(), 2);
+}
+
+#[test]
+fn there_may_be_no_picture_or_little_of_it() {
+    let guard = guard(vec![Box::new(WelchFilter::default()), Box::new(Vertical)]);
+    for (width, height, channels) in [(1, 1, 3), (1, 1, 1), (9, 1, 3), (1, 9, 2), (3, 3, 10)] {
+        let grid = Grid::new(width, height, channels, 0).expect("a grid");
+        let batch = picture(grid, 8, 1);
+        let (_, out) = errors(&guard, &batch);
+        let finite = out.values().iter().all(|value| value.is_finite());
+        assert!(finite && out.values().len() == batch.lanes(), "{width} {height} {channels}");
+    }
+    // Fewer samples than folds, and no grid: as the guard of lanes.
+    let few = picture(grid(3), 3, 1);
+    let mut out = Estimates::default();
+    guard.transform(&few, &mut out).expect("nothing fails");
+    assert_eq!((out.values(), out.count(Status::NoFolds)), (few.last(), few.lanes()));
+    let lanes: Vec<f32> = (0..8 * 500).map(|i| (i * 7919 % 41) as f32).collect();
+    let batch = SequenceBatch::from_samples(500, &lanes).expect("lanes");
+    let mut of_lanes = Estimates::default();
+    guard.transform(&batch, &mut out).expect("nothing fails");
+    Guard::default().transform(&batch, &mut of_lanes).expect("nothing fails");
+    assert!(out == of_lanes);
+}
+
+#[test]
+fn what_is_not_finite_stays_where_it_is() {
+    let mut batch = with_features(picture(grid(3), 8, 2));
+    let lane = 30 * WIDTH + 30;
+    let mut means = batch.side(&Side::Fold(1)).expect("a fold").to_vec();
+    means[lane] = f32::NAN;
+    batch.set_side(Side::Fold(1), means).expect("its lanes");
+    let mut normals = batch.side(&Side::NormalFold(2)).expect("a fold").to_vec();
+    normals[7] = f32::INFINITY;
+    batch.set_side(Side::NormalFold(2), normals).expect("its pixels");
+    let guard = guard(vec![Box::new(WelchFilter::default()), Box::new(Vertical)]);
+    let (_, out) = errors(&guard, &batch);
+    assert!(out.values().iter().all(|value| value.is_finite()));
+    let far = errors(&guard, &with_features(picture(grid(3), 8, 2))).1;
+    let same =
+        out.values().iter().zip(far.values()).filter(|(a, b)| (*a - *b).abs() < 0.05).count();
+    assert!(same > batch.lanes() * 95 / 100, "{same}");
+}
