@@ -8,10 +8,11 @@ use nst_core::{
 
 use crate::{
     adapter::Adapter,
-    args::{BackendArg, ExpertArg},
+    args::{BackendArg, CommonArgs, ExpertArg},
     error::Error,
     networks::{builtin, builtin_of_samples, network_of},
     oidn::Oidn,
+    report::warn,
     samples::evaluated,
 };
 
@@ -34,6 +35,7 @@ pub(crate) fn guard(
     sampler: &str,
     backend: BackendArg,
     adapter: &Adapter,
+    common: &CommonArgs,
 ) -> Result<Box<dyn Transform>, Error> {
     let lanes = list.is_empty() || list.contains(&ExpertArg::Lane);
     let mut networks = Vec::new();
@@ -42,7 +44,9 @@ pub(crate) fn guard(
         match arg {
             ExpertArg::Lane => {}
             ExpertArg::Filter => of_pictures.push(Box::new(WelchFilter::default())),
-            ExpertArg::Oidn => of_pictures.push(Box::new(Oidn::named(loading)?)),
+            ExpertArg::Oidn => {
+                of_pictures.push(Box::new(Oidn::named(|library| loading(&library, common))?))
+            }
             other => networks.push(other),
         }
     }
@@ -75,9 +79,9 @@ pub(crate) fn guard(
     Ok(Box::new(if lanes { guard } else { guard.without_lane() }))
 }
 
-/// Says which library is about to be loaded.
-fn loading(library: String) {
-    eprintln!("loading    {library}");
+/// Says which library is about to be loaded, as a damaged one may end the process.
+fn loading(library: &str, common: &CommonArgs) {
+    warn(&format!("loading    {library}"), common);
 }
 
 /// The expert of a name.

@@ -15,7 +15,7 @@ use nst_core::{
 use crate::fallback::Fallback;
 use crate::{
     adapter::{Adapter, caught},
-    args::{BackendArg, ExpertArg, MethodArgs, TransformArg},
+    args::{BackendArg, CommonArgs, ExpertArg, MethodArgs, TransformArg},
     error::Error,
     guard::guard,
     networks::{builtin, builtin_of_samples, network_of},
@@ -57,10 +57,14 @@ pub(crate) struct Method {
 impl Method {
     /// The method that the options ask for, for samples of this sampler; its name is empty
     /// where it is not known.
-    pub(crate) fn resolve(args: &MethodArgs, sampler: &str) -> Result<Self, Error> {
+    pub(crate) fn resolve(
+        args: &MethodArgs,
+        sampler: &str,
+        common: &CommonArgs,
+    ) -> Result<Self, Error> {
         match (&args.weights, args.transform) {
             (Some(path), _) => Self::of_file(path, args.backend),
-            (None, TransformArg::Auto) => Self::auto(&args.experts, sampler, args.backend),
+            (None, TransformArg::Auto) => Self::auto(&args.experts, sampler, args.backend, common),
             (None, named) if !args.experts.is_empty() => Err(Error::Usage(format!(
                 "--experts is for --transform auto, not for '{}'; leave out one of them",
                 named.name()
@@ -85,16 +89,17 @@ impl Method {
         experts: &[ExpertArg],
         sampler: &str,
         backend: BackendArg,
+        common: &CommonArgs,
     ) -> Result<Self, Error> {
         let adapter = Adapter::default();
-        let transform = guard(experts, sampler, backend, &adapter)?;
+        let transform = guard(experts, sampler, backend, &adapter, common)?;
         Ok(Self { adapter, ..Self::on_cpu(TransformArg::Auto.name(), BLENDS, transform) })
     }
 
     /// The method of a name; `auto` with the guard's own experts, for independent folds.
     pub(crate) fn named(transform: TransformArg, backend: BackendArg) -> Result<Self, Error> {
         match transform {
-            TransformArg::Auto => Self::auto(&[], "", backend),
+            TransformArg::Auto => Self::auto(&[], "", backend, &CommonArgs::default()),
             TransformArg::None => Ok(Self::on_cpu("none", AS_ASKED, Box::new(Identity))),
             TransformArg::Method(FILTER) if backend == BackendArg::Gpu => {
                 let adapter = Adapter::default();
@@ -153,10 +158,25 @@ impl Method {
         }
     }
 
-    /// Says so if a GPU was asked for in vain.
-    pub(crate) fn note(&self, backend: BackendArg) -> Option<String> {
-        let in_vain = backend == BackendArg::Gpu && self.adapter().is_none();
-        in_vain.then(|| format!("--backend gpu: nothing of '{}' runs on a GPU", self.name))
+    /// Says so if a GPU was asked for in vain, by the method or by experts of it.
+    pub(crate) fn note(&self, args: &MethodArgs) -> Option<String> {
+        if args.backend != BackendArg::Gpu {
+            return None;
+        }
+        let has = |expert| args.experts.contains(&expert);
+        let chosen = has(ExpertArg::Oidn).then_some("'oidn' chooses its device itself");
+        let stays = has(ExpertArg::Filter).then_some("the expert 'filter' stays on the CPU");
+        // Such an expert has no part in what `backend` says.
+        let others = match self.adapter() {
+            None if chosen.is_some() => Some("nothing else runs on a GPU".to_owned()),
+            None => {
+                return Some(format!("--backend gpu: nothing of '{}' runs on a GPU", self.name));
+            }
+            Some(_) => None,
+        };
+        let parts = chosen.into_iter().chain(stays).map(str::to_owned).chain(others);
+        let parts: Vec<String> = parts.collect();
+        (!parts.is_empty()).then(|| format!("--backend gpu: {}", parts.join("; ")))
     }
 
     /// The GPU that the transformation ran on, if it did not fail.

@@ -59,6 +59,13 @@ pub(crate) fn say(text: &str, common: &CommonArgs) {
     }
 }
 
+/// The same on standard error, for what must be seen if the job ends at once.
+pub(crate) fn warn(text: &str, common: &CommonArgs) {
+    if !(common.json || common.quiet) {
+        complain(text);
+    }
+}
+
 /// Writes lines to standard output. A reader that closes the pipe early, as `head` does,
 /// does not end the job; a full disk is an error.
 fn write(text: &str) -> Result<(), Error> {

@@ -68,17 +68,84 @@ fn without_features_radiance_is_all_there_is() {
     assert!(lanes(&bench, "n.exr", "") == lanes(&bench, "n.exr", "S"));
 }
 
-/// A file that is no library is named, and so is one that is not there.
+/// A file that is no library is named, and so is one that is not there. Which file is loaded is
+/// said before, but not where programs listen.
 #[test]
 fn a_denoiser_that_is_not_there() {
     let bench = Bench::new();
     bench.succeed(&render("--spp 8 --sequence s.exr -o x.exr --transform none -q"));
     bench.write("text.so", "not a library");
-    for file in ["gone.so", "text.so"] {
-        let output =
-            bench.nst_with("transform s.exr --experts lane,oidn", &[("OIDN_LIBRARY", file)]);
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(2), "{said}");
-        assert!(said.contains("--experts oidn") && said.contains(file), "{said}");
+    for (file, is_loaded) in [("gone.so", false), ("text.so", true)] {
+        for (option, says) in [("", is_loaded), ("--quiet", false), ("--json", false)] {
+            let command = format!("transform s.exr --experts lane,oidn -o y.exr {option}");
+            let output = bench.nst_with(&command, &[("OIDN_LIBRARY", file)]);
+            let said = String::from_utf8_lossy(&output.stderr).into_owned();
+            assert_eq!(output.status.code(), Some(2), "{said}");
+            assert!(said.contains("--experts oidn") && said.contains(file), "{said}");
+            assert_eq!(said.contains("loading  "), says, "{option}: {said}");
+            assert!(!bench.path("y.exr").exists());
+        }
+    }
+}
+
+/// A library in C that stands for Open Image Denoise: compiled as the tests of `nst-oidn` do.
+#[cfg(unix)]
+fn fake(bench: &Bench, name: &str, macros: &[&str]) -> String {
+    let source = concat!(env!("CARGO_MANIFEST_DIR"), "/../nst-oidn/tests/oidn/fake.c");
+    let path = bench.path(name).display().to_string();
+    let mut compiler = std::process::Command::new("cc");
+    compiler.args(["-std=c11", "-shared", "-fPIC", source, "-o", &path]);
+    compiler.arg(format!("-DLOG=\"{path}.log\""));
+    compiler.args(macros.iter().map(|text| format!("-D{text}")));
+    assert!(compiler.status().expect("a C compiler, cc").success(), "{compiler:?}");
+    path
+}
+
+/// One that works is an expert; one that fails while it denoises is left out, with a note. Its
+/// device is its own choice.
+#[cfg(unix)]
+#[test]
+fn a_denoiser_that_fails_is_left_out() {
+    let bench = Bench::new();
+    bench.succeed(&render("--spp 8 --sequence s.exr -o x.exr --transform none -q"));
+    let said = |library: &str, options: &str| -> Value {
+        let command = format!("transform s.exr -o y.exr --json {options}");
+        let output = bench.nst_with(&command, &[("OIDN_LIBRARY", library)]);
+        assert!(output.status.success(), "{output:?}");
+        serde_json::from_slice(&output.stdout).expect("JSON")
+    };
+    let names = |said: &Value| -> Vec<String> {
+        let experts = said["experts"].as_array().expect("a list").iter();
+        experts.map(|it| it["name"].as_str().expect("a name").to_owned()).collect()
+    };
+    let works = fake(&bench, "works.so", &[]);
+    let with = said(&works, "--experts lane,filter,oidn --backend gpu");
+    assert_eq!(names(&with), ["lane", "filter", "oidn"]);
+    let notes = with["notes"].to_string();
+    for words in ["'oidn' chooses its device itself", "'filter' stays on the CPU"] {
+        assert!(notes.contains(words) && !notes.contains("left out"), "{notes}");
+    }
+    let fails = fake(&bench, "fails.so", &["FAIL=\"oidnExecuteFilter\""]);
+    let without = said(&fails, "--experts lane,filter,oidn");
+    assert_eq!(names(&without), ["lane", "filter"]);
+    assert!(without["notes"].to_string().contains("'oidn' is left out"), "{without}");
+    let picture = lanes(&bench, "y.exr", "");
+    said("", "--experts lane,filter");
+    assert!(picture == lanes(&bench, "y.exr", ""), "as if it had not been named");
+    let none = said("", "--experts lane,filter --backend gpu");
+    assert!(none["notes"].to_string().contains("nothing of 'auto' runs on a GPU"), "{none}");
+}
+
+/// Pictures of one pixel, of one row, and of one column.
+#[test]
+fn small_pictures() {
+    let bench = Bench::new();
+    for size in ["1x1", "9x1", "1x9"] {
+        let options = format!("--size {size} --spp 16 --experts lane,filter");
+        let scene = cornell();
+        bench.succeed(&format!("render --scene {scene} {options} --sequence s.exr -o a.exr"));
+        bench.succeed("transform s.exr --experts lane,filter -o b.exr");
+        let [a, b] = ["a.exr", "b.exr"].map(|name| lanes(&bench, name, ""));
+        assert!(a == b && a.iter().all(|x| x.is_finite()), "{size}");
     }
 }

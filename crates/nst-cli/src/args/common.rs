@@ -1,6 +1,6 @@
 //! The options that all commands have.
 
-#[derive(Debug, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct CommonArgs {
     /// Threads to use. [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]

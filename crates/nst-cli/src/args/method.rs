@@ -20,8 +20,9 @@ pub(crate) struct MethodArgs {
     #[arg(long, value_name = "METHOD", default_value = "auto", value_parser = transform())]
     pub(crate) transform: TransformArg,
     /// The experts that `auto` may trust: `lane`, which are three that learn from the picture
-    /// itself, and networks that see the samples, by their names (such as `small`) or their
-    /// safetensors files. [default: lane]
+    /// itself; `filter` and `oidn` (Open Image Denoise, if it is found), which look at neighbours; and
+    /// networks that see the samples, by their names (such as `small`) or their safetensors files.
+    /// [default: lane]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = expert, conflicts_with = "weights")]
     pub(crate) experts: Vec<ExpertArg>,
     /// Use the network of this safetensors file.

@@ -22,14 +22,14 @@ pub(super) fn run(args: &TransformArgs) -> Result<Summary, Error> {
     let mut watch = Stopwatch::start();
     let mut reader = timed(&mut watch.io, || SequenceReader::open(&args.sequence))?;
     let info = reader.info().clone();
-    let method = Method::resolve(&args.method, &info.sampler)?;
+    let method = Method::resolve(&args.method, &info.sampler, &args.common)?;
     let advice = format!(
         "store more of them in '{}' with 'nst render --keep all', or use --transform none",
         args.sequence.display()
     );
     method.check_terms(info.sample_counts.len(), &advice)?;
     let mut notes: Vec<String> = method.check_statistics(&info.sides)?.into_iter().collect();
-    notes.extend(method.note(args.method.backend));
+    notes.extend(method.note(&args.method));
     let features = info.sides.iter().any(|side| side.is_feature() && side.is_of_fold());
     if method.transform.requires().reads_features() && !features {
         notes.push(BLIND.to_owned());

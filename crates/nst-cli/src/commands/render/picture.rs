@@ -49,7 +49,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
         Some(resumed) => resumed.sampler,
     };
     let job = Job { args, fingerprint: scene.fingerprint(), scene };
-    let method = Method::resolve(&args.method, &sampler.to_string())?;
+    let method = Method::resolve(&args.method, &sampler.to_string(), &args.common)?;
     let advice =
         format!("use --spp {} or more, or --transform none", method.transform.requires().window);
     method.check_terms(args.spp as usize, &advice)?;
@@ -76,12 +76,8 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     if let Some(start) = &start {
         say(&format!("resumed    from {} spp", start.samples), &args.common);
     }
-    let notes = lacking
-        .into_iter()
-        .chain(lost)
-        .chain(blind)
-        .chain(method.note(args.method.backend))
-        .collect();
+    let notes =
+        lacking.into_iter().chain(lost).chain(blind).chain(method.note(&args.method)).collect();
     job.render(watch, method, &settings, files, start, notes)
 }
 

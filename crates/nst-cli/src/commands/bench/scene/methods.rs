@@ -10,7 +10,7 @@ use nst_core::{Estimates, FurtherPowers, SequenceBatch, guard::Judgement};
 
 use super::source::{Needs, Origin, Run};
 use crate::{
-    args::{BackendArg, ExpertArg, TransformArg},
+    args::{BackendArg, CommonArgs, ExpertArg, TransformArg},
     error::Error,
     method::Method,
     results::check_name,
@@ -21,6 +21,7 @@ use crate::{
 /// The methods, each of which is made ready once.
 pub(super) struct Methods {
     backend: BackendArg,
+    common: CommonArgs,
     names: Vec<(String, Choice)>,
     ready: BTreeMap<String, Ready>,
     /// How long it took to open a GPU for the first network: drivers are loaded once in a
@@ -89,6 +90,7 @@ impl Methods {
         weights: &[PathBuf],
         experts: &[ExpertArg],
         backend: BackendArg,
+        common: &CommonArgs,
     ) -> Result<Self, Error> {
         let mut names: Vec<(String, Choice)> = Vec::new();
         for &transform in [TransformArg::None].iter().chain(asked) {
@@ -114,7 +116,7 @@ impl Methods {
             names.push((name.into_owned(), Choice::Weights(path.clone())));
         }
         let (ready, kept) = (BTreeMap::new(), BTreeMap::new());
-        Ok(Self { backend, names, ready, opening: None, kept })
+        Ok(Self { backend, common: common.clone(), names, ready, opening: None, kept })
     }
 
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
@@ -155,10 +157,12 @@ impl Methods {
             let begin = Instant::now();
             let method = match choice {
                 Choice::Named(TransformArg::Auto) => {
-                    Method::auto(&[], &origin.sampler, self.backend)?
+                    Method::auto(&[], &origin.sampler, self.backend, &self.common)?
                 }
                 Choice::Named(named) => Method::named(*named, self.backend)?,
-                Choice::Experts(experts) => Method::auto(experts, &origin.sampler, self.backend)?,
+                Choice::Experts(experts) => {
+                    Method::auto(experts, &origin.sampler, self.backend, &self.common)?
+                }
                 Choice::Weights(path) => Method::of_file(path, self.backend)?,
             };
             let mut making = begin.elapsed();
@@ -252,8 +256,8 @@ mod tests {
     fn all_networks_open_a_gpu_in_the_same_time() -> Result<(), String> {
         let asked = ["families", "cornell", "gmon"].map(TransformArg::named);
         let asked: Vec<TransformArg> = asked.into_iter().flatten().collect();
-        let mut methods =
-            Methods::new(&asked, &[], &[], BackendArg::Auto).map_err(|error| error.to_string())?;
+        let mut methods = Methods::new(&asked, &[], &[], BackendArg::Auto, &CommonArgs::default())
+            .map_err(|error| error.to_string())?;
         let origin = Origin {
             scene: String::new(),
             fingerprint: String::new(),

@@ -95,7 +95,7 @@ fn methods(args: &BenchSceneArgs) -> Result<Methods, Error> {
     } else {
         args.transform.clone()
     };
-    let methods = Methods::new(&asked, &args.weights, &args.experts, args.backend)?;
+    let methods = Methods::new(&asked, &args.weights, &args.experts, args.backend, &args.common)?;
     for name in args.picture.iter().map(|picture| &picture.name) {
         if methods.can_make(name) {
             return Err(Error::Usage(format!(
