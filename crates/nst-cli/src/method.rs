@@ -15,7 +15,7 @@ use nst_core::{
 use crate::fallback::Fallback;
 use crate::{
     adapter::{Adapter, caught},
-    args::{BackendArg, CommonArgs, ExpertArg, MethodArgs, TransformArg},
+    args::{BackendArg, CommonArgs, ExpertArg, FILTER, MethodArgs, TransformArg},
     error::Error,
     guard::guard,
     networks::{builtin, builtin_of_samples, network_of},
@@ -28,9 +28,6 @@ pub(crate) const DEFAULT_WINDOW: usize = 8;
 
 /// The reason if the command line names the method.
 const AS_ASKED: &str = "as asked";
-
-/// The method without a network that a GPU can run, where it is asked for.
-const FILTER: &str = "filter";
 
 /// What to tell where experts that look at neighbours know nothing but radiance.
 pub(crate) const BLIND: &str = "there are no features by fold (albedo, normals, emission), so that what looks at \

@@ -21,7 +21,7 @@ pub(crate) use bench::{Bench, BenchArgs, BenchSceneArgs, BenchStabilityArgs};
 pub(crate) use chart::ChartArgs;
 pub(crate) use common::CommonArgs;
 use method::builtin_name;
-pub(crate) use method::{BackendArg, ExpertArg, MethodArgs, TransformArg};
+pub(crate) use method::{BackendArg, ExpertArg, FILTER, MethodArgs, TransformArg};
 pub(crate) use pack::{PackArgs, PackAs};
 pub(crate) use picture::NamedPicture;
 #[cfg(feature = "render")]

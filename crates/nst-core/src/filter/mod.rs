@@ -25,7 +25,7 @@ mod kernel;
 mod planes;
 
 use kernel::Kernel;
-pub(crate) use planes::{Guide, Means, Planes, RADIUS};
+pub(crate) use planes::{Guide, Means, Planes, RADIUS, mean_over_folds};
 
 use crate::{
     Error, Estimates, Fitted, FurtherPowers, Instructions, Requirements, SequenceBatch, Side,
@@ -102,7 +102,7 @@ pub(crate) fn filter_strip(
         return Ok(());
     };
     let shares = std::array::from_fn(|fold| fold_count(fold, n) / f64::from(n));
-    let root = planes::mean(&folds, &shares);
+    let root = mean_over_folds(&folds, &shares);
     let means = Means { samples: n.into(), mean: strip.last(), root: &root };
     let planes = Planes::new(grid, &means, &[]);
     let last = grid.inner(strip.last());

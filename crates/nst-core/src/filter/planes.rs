@@ -221,7 +221,7 @@ pub(super) fn threshold(samples: f64) -> f32 {
 }
 
 /// The weighted mean over folds, `[lane]`.
-pub(super) fn mean(folds: &[&[f32]; FOLDS], shares: &[f64; FOLDS]) -> Vec<f32> {
+pub(crate) fn mean_over_folds(folds: &[&[f32]; FOLDS], shares: &[f64; FOLDS]) -> Vec<f32> {
     let of_lane = |lane: usize| mean_of_folds(folds.map(|fold| fold[lane]), shares);
     (0..folds[0].len()).into_par_iter().map(of_lane).collect()
 }

@@ -24,7 +24,7 @@ pub(crate) fn picture(channels: u32, seed: u64) -> SequenceBatch {
 
 /// The mean of the roots of all samples, `[lane]`.
 fn roots(batch: &SequenceBatch) -> Vec<f32> {
-    planes::mean(&batch.of_folds(Side::OF_FOLDS[1]).expect("folds"), &[0.25; 4])
+    mean_over_folds(&batch.of_folds(Side::OF_FOLDS[1]).expect("folds"), &[0.25; 4])
 }
 
 /// Guides that go up and down: three planes, or six.

@@ -10,15 +10,15 @@ use super::{
         CHUNK, FoldMeans, FurtherMeans, GROUPS, Sample, fold_means, further_means, part_of,
         shares_without,
     },
-    seen::{Expert, STATISTICS},
+    seen::{Expert, STATISTICS, left_out, to_changes},
     simplex::MOST,
     table::Table,
-    view::{Lanes, View, weighted},
+    view::{Lanes, View},
     weights::{CORRECTIONS, Changes, Weights, strata},
 };
 use crate::{
     Error, Estimates, FOLDS, Fit, Fitted, FurtherPowers, Grid, Power, Requirements, SequenceBatch,
-    Status, Strips, Transform,
+    Status, Strips, Transform, filter::mean_over_folds,
 };
 
 /// Blends the plain estimate with experts as far as samples that were held out support it.
@@ -192,12 +192,7 @@ impl Guard {
                     all.for_each(|(all, changes)| all.push(changes));
                     asked.adapting.extend(adapting);
                 }
-                Err(Error::Batch(why)) => {
-                    asked.notes.push(format!("'{}' is left out: {why}", expert.name()));
-                }
-                Err(error) => {
-                    asked.notes.push(format!("'{}' is left out: {error}", expert.name()));
-                }
+                Err(error) => asked.notes.push(left_out(expert.name(), error)),
             }
         }
         asked
@@ -229,10 +224,7 @@ fn missing(sample: &Sample, views: &[View]) -> Vec<Vec<f32>> {
 fn change(expert: &dyn Expert, view: &View) -> Result<Vec<f32>, Error> {
     let mut estimates = vec![0.0; view.mean.len()];
     expert.estimate(&view.seen(), &mut estimates)?;
-    for (estimate, mean) in estimates.iter_mut().zip(&view.mean) {
-        let change = *estimate - mean;
-        *estimate = if change.is_finite() { change } else { 0.0 };
-    }
+    to_changes(&mut estimates, &view.mean);
     Ok(estimates)
 }
 
@@ -249,20 +241,18 @@ impl FittedGuard<'_> {
         let (Ok(learnt), Some(means)) = (&self.learnt, fold_means(strip)) else {
             return vec![0.0; grid.inner(strip.last()).len()];
         };
-        let plain = match group {
-            GROUPS => strip.last().to_vec(),
-            _ => weighted(&means[0], &shares_without(&learnt.counts, group)),
-        };
         let mut estimates = Estimates::default();
         if self.without(group, learnt, strip, &means, &mut estimates).is_err() {
             return vec![0.0; grid.inner(strip.last()).len()];
         }
-        let pairs = estimates.values().iter().zip(&plain);
-        let change = |(estimate, plain): (&f32, &f32)| {
-            let change = estimate - plain;
-            if change.is_finite() { change } else { 0.0 }
-        };
-        grid.inner(&pairs.map(change).collect::<Vec<_>>()).into_owned()
+        let mut changes = grid.inner(estimates.values()).into_owned();
+        if group == GROUPS {
+            to_changes(&mut changes, &grid.inner(strip.last()));
+        } else {
+            let plain = mean_over_folds(&means[0], &shares_without(&learnt.counts, group));
+            to_changes(&mut changes, &grid.inner(&plain));
+        }
+        changes
     }
 
     /// Estimates all lanes of a strip without a group; of all folds, if there is no such group.

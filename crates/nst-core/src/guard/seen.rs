@@ -43,6 +43,23 @@ impl Seen<'_> {
     }
 }
 
+/// Makes changes of the plain estimates out of estimates, 0 where they are not finite.
+pub(super) fn to_changes(estimates: &mut [f32], plain: &[f32]) {
+    for (estimate, plain) in estimates.iter_mut().zip(plain) {
+        let change = *estimate - plain;
+        *estimate = if change.is_finite() { change } else { 0.0 };
+    }
+}
+
+/// What is noted of an expert that failed.
+pub(super) fn left_out(name: &str, error: Error) -> String {
+    let why = match error {
+        Error::Batch(why) => why,
+        error => error.to_string(),
+    };
+    format!("'{name}' is left out: {why}")
+}
+
 /// Estimates whose worth the [`Guard`](super::Guard) measures.
 ///
 /// An expert may be wrong, biased, or made for other integrals: the guard finds out. But it

@@ -133,7 +133,7 @@ fn variances(mean: &[f32], square: &[f32], samples: f64) -> Vec<f32> {
 }
 
 /// The weighted mean over folds, `[lane]`.
-pub(super) fn weighted(folds: &[&[f32]; FOLDS], shares: &[f64; FOLDS]) -> Vec<f32> {
+fn weighted(folds: &[&[f32]; FOLDS], shares: &[f64; FOLDS]) -> Vec<f32> {
     let [a, b, c, d] = folds;
     let quadruples = a.iter().zip(*b).zip(c.iter().zip(*d));
     let mean =

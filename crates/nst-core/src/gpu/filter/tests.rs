@@ -86,6 +86,7 @@ fn limits_that_are_too_low_are_told() {
         Planes::new(&grid, &Means { samples: 8.0, mean: &row, root: &row }, &[])
     };
     for limits in [
+        // Enough for the picture that a filter is checked with, of 9 rows and those around.
         LowerLimits { binding_bytes: Some(1 << 17), ..LowerLimits::default() },
         LowerLimits { workgroups: Some(3), ..LowerLimits::default() },
     ] {

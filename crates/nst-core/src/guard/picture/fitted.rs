@@ -64,14 +64,14 @@ impl<'a> FittedPicture<'a> {
         };
         let (values, status, errors) = out.reset_with_errors(last.len());
         // `[row][channel]`
-        let mut places: Vec<Vec<Place<'_>>> = Vec::new();
+        let mut places: Vec<Vec<Output<'_>>> = Vec::new();
         places.resize_with(inner.len(), Vec::new);
         let planes = values.chunks_exact_mut(pixels).zip(status.chunks_exact_mut(pixels));
         for ((values, status), errors) in planes.zip(errors.chunks_exact_mut(pixels)) {
             let parts = values.chunks_exact_mut(width).zip(status.chunks_exact_mut(width));
             let parts = parts.zip(errors.chunks_exact_mut(width));
             for (row, ((values, status), errors)) in places.iter_mut().zip(parts) {
-                row.push(Place { values, status, errors });
+                row.push(Output { values, status, errors });
             }
         }
         let places = places.into_par_iter().enumerate();
@@ -79,7 +79,7 @@ impl<'a> FittedPicture<'a> {
     }
 
     /// Writes the estimates of one of some rows.
-    fn estimate_row(&self, rows: &Rows<'_>, y: usize, places: &mut [Place<'_>]) {
+    fn estimate_row(&self, rows: &Rows<'_>, y: usize, places: &mut [Output<'_>]) {
         let (pixels, channels) = (rows.halves.len(), places.len());
         let mut changes = vec![0.0; channels];
         for x in 0..rows.width {
@@ -126,7 +126,7 @@ struct Rows<'a> {
 }
 
 /// Where the estimates of a row of a channel are written.
-struct Place<'a> {
+struct Output<'a> {
     values: &'a mut [f32],
     status: &'a mut [Status],
     errors: &'a mut [f32],

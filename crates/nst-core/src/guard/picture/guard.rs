@@ -3,7 +3,11 @@
 use rayon::prelude::*;
 
 use super::{
-    super::{lanes::Guard, sample::GROUPS, seen::STATISTICS},
+    super::{
+        lanes::Guard,
+        sample::GROUPS,
+        seen::{STATISTICS, left_out},
+    },
     cells::{Cells, Division, Rows},
     fitted::FittedPicture,
     layers::Strip,
@@ -119,11 +123,7 @@ impl Transform for PictureGuard {
                 Ok(cells) => return Ok(Box::new(FittedPicture::new(panel, &cells, notes))),
                 Err(Failure { expert, error }) => {
                     let expert = panel.experts.remove(expert);
-                    let why = match error {
-                        Error::Batch(why) => why,
-                        error => error.to_string(),
-                    };
-                    notes.push(format!("'{}' is left out: {why}", expert.name()));
+                    notes.push(left_out(expert.name(), error));
                 }
             }
         }

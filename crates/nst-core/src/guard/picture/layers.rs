@@ -2,18 +2,13 @@
 //! the camera sees directly. Denoisers smear lamps over what is around them, unless they get the
 //! two one by one.
 
-use std::borrow::Cow;
-
 use rayon::prelude::*;
 
 use super::{
-    super::{
-        sample::{FoldMeans, GROUPS, fold_means, shares_without},
-        view::weighted,
-    },
+    super::sample::{FoldMeans, GROUPS, fold_means, shares_without},
     seen::SeenFeature,
 };
-use crate::{FOLDS, Grid, SequenceBatch, Side};
+use crate::{FOLDS, Grid, SequenceBatch, Side, filter::mean_over_folds};
 
 /// What is read of a strip.
 pub(super) struct Strip<'a> {
@@ -58,7 +53,7 @@ pub(super) struct Feature {
 impl Feature {
     /// Of folds, weighted.
     fn new(folds: &[&[f32]; FOLDS], shares: &[f64; FOLDS]) -> Self {
-        let mean = weighted(folds, shares);
+        let mean = mean_over_folds(folds, shares);
         let kept = shares.iter().filter(|share| **share > 0.0).count() as f32;
         let of_one = |i: usize| {
             let folds = folds.iter().zip(shares).filter(|(_, share)| **share > 0.0);
@@ -94,12 +89,12 @@ impl<'a> Strip<'a> {
         let samples = (0..FOLDS).filter(|fold| *fold != group).map(|fold| counts[fold]).sum();
         let mut mean = match group {
             GROUPS => self.batch.last().to_vec(),
-            _ => weighted(&self.means[0], &shares),
+            _ => mean_over_folds(&self.means[0], &shares),
         };
-        let mut root = weighted(&self.means[1], &shares);
+        let mut root = mean_over_folds(&self.means[1], &shares);
         let mut emitted = None;
         if let Some(folds) = &self.emission {
-            let emission = weighted(folds, &shares);
+            let emission = mean_over_folds(folds, &shares);
             subtract(self.grid, &emission, &mut mean, &mut root);
             // Its roots are not known.
             emitted = Some(Layer { root: vec![f32::NAN; emission.len()], mean: emission });
@@ -116,11 +111,13 @@ impl<'a> Strip<'a> {
         if group == GROUPS {
             return vec![Vec::new(); layers.parts.len()];
         }
-        let nothing = vec![0.0; self.batch.lanes()];
-        let emission = self.emission.map_or(&nothing[..], |folds| folds[group]);
-        let reflected = self.means[0][group].iter().zip(emission).map(|(h, e)| h - e).collect();
-        let held_out: [Cow<'_, [f32]>; 2] = [Cow::Owned(reflected), Cow::Borrowed(emission)];
-        let of_part = |(layer, held_out): (&Layer, Cow<'_, [f32]>)| {
+        let emission = self.emission.map(|folds| folds[group]);
+        let mut reflected = self.means[0][group].to_vec();
+        if let Some(emission) = emission {
+            reflected.iter_mut().zip(emission).for_each(|(h, e)| *h -= e);
+        }
+        let held_out = [Some(&reflected[..]), emission].into_iter().flatten();
+        let of_part = |(layer, held_out): (&Layer, &[f32])| {
             let missing = held_out.iter().zip(&layer.mean).map(|(h, s)| h - s);
             self.grid.inner(&missing.collect::<Vec<_>>()).into_owned()
         };
@@ -130,7 +127,7 @@ impl<'a> Strip<'a> {
     /// The variances of S if all samples were independent, up to a factor, `[lane]` of the inner
     /// rows.
     pub(super) fn variances(&self) -> Vec<f32> {
-        let squares = weighted(&self.means[2], &[1.0 / FOLDS as f64; FOLDS]);
+        let squares = mean_over_folds(&self.means[2], &[1.0 / FOLDS as f64; FOLDS]);
         let lanes = squares.iter().zip(self.batch.last());
         let variances: Vec<f32> = lanes.map(|(square, s)| (square - s * s).max(0.0)).collect();
         self.grid.inner(&variances).into_owned()

@@ -1,7 +1,7 @@
 //! The experts at work on strips of a picture.
 
 use super::{
-    super::{hats::Place, lanes::FittedGuard, logarithm::ln},
+    super::{hats::Place, lanes::FittedGuard, logarithm::ln, seen::to_changes},
     cells::{BRIGHTNESS, Held},
     layers::{EMITTED, Feature, Layer, Layers, Strip},
     seen::{PictureExpert, SeenPicture},
@@ -50,15 +50,18 @@ impl Panel<'_> {
     /// what is missing, if there is such a group.
     pub(super) fn look(&self, strip: &Strip<'_>, group: usize) -> Result<Vec<Held>, Failure> {
         let layers = strip.layers(&self.counts, group);
-        let mut missing = strip.missing(group, &layers);
-        let lane = self.blends_lane.then(|| self.lane.changes(strip.batch, strip.grid, group));
-        let lane = lane.map(|changes| by_layer(strip, &layers, changes));
-        let of_layer = |(number, missing): (usize, &mut Vec<f32>)| {
-            let lane = lane.iter().map(|lane| lane[number].clone()).collect();
-            let (changes, places) = self.estimate(strip, &layers, number, lane)?;
-            Ok(Held { changes, missing: std::mem::take(missing), places })
+        let of_lane = if self.blends_lane {
+            let changes = self.lane.changes(strip.batch, strip.grid, group);
+            by_layer(strip, &layers, changes).into_iter().map(|changes| vec![changes]).collect()
+        } else {
+            vec![Vec::new(); layers.parts.len()]
         };
-        missing.iter_mut().enumerate().map(of_layer).collect()
+        let of_layers = strip.missing(group, &layers).into_iter().zip(of_lane).enumerate();
+        let of_layer = |(number, (missing, of_lane))| {
+            let (changes, places) = self.estimate(strip, &layers, number, of_lane)?;
+            Ok(Held { changes, missing, places })
+        };
+        of_layers.map(of_layer).collect()
     }
 
     /// What the experts change in a layer, after what the first ones do, and where its brightness
@@ -83,10 +86,7 @@ impl Panel<'_> {
             }
             let mut estimates = vec![0.0; mean.len()];
             it.estimate(&seen, &mut estimates).map_err(|error| Failure { expert, error })?;
-            for (estimate, mean) in estimates.iter_mut().zip(&*mean) {
-                let change = *estimate - mean;
-                *estimate = if change.is_finite() { change } else { 0.0 };
-            }
+            to_changes(&mut estimates, &mean);
             changes.push(estimates);
         }
         let places = self.places(&mean, changes.get(of_lane).or(changes.first()), grid.channels());

@@ -55,7 +55,7 @@ struct Row {
     count: f64,
 }
 
-/// Weights of an expert's neighbours in a row, from −reach to reach; they add up to 1.
+/// Shares of the neighbours in a row, from −reach to reach; they add up to 1.
 fn gaussian(sigma: f64) -> Vec<f64> {
     let reach = (REACH * sigma).ceil() as i32;
     let weights = (-reach..=reach).map(|i| (-0.5 * (f64::from(i) / sigma).powi(2)).exp());
@@ -135,11 +135,10 @@ fn of_all(cells: &Cells, count: usize) -> OfAll {
     all.map(|of_half| {
         let mut smooth = [Sums::default(); KNOTS];
         along(&kernel, &of_half, &mut smooth);
-        smooth.map(|mut sums| {
-            let weights = sums.moments.best_weights(count);
-            let moments = std::mem::take(&mut sums);
-            sums.add(&moments, 1.0 / cells);
-            (sums.moments, weights)
+        smooth.map(|sums| {
+            let mut mean = Sums::default();
+            mean.add(&sums, 1.0 / cells);
+            (mean.moments, sums.moments.best_weights(count))
         })
     })
 }
