@@ -63,6 +63,8 @@ pub struct Device {
     path: PathBuf,
     version: Version,
     kind: DeviceKind,
+    /// In MB; -1: no limit.
+    max_memory: i32,
     /// What the last picture was denoised by: the next of its kind needs nothing new.
     prepared: Mutex<Option<Prepared>>,
     device: Arc<ffi::Device>,
@@ -83,7 +85,15 @@ impl Device {
             return Err(Error::Version { path, version });
         }
         let kind = DeviceKind::from_type(device.int(c"type").map_err(failed)?);
-        Ok(Self { path, version, kind, prepared: Mutex::default(), device: Arc::new(device) })
+        let (prepared, device) = (Mutex::default(), Arc::new(device));
+        Ok(Self { path, version, kind, max_memory: -1, prepared, device })
+    }
+
+    /// The same with a limit of the memory, in MB, that it takes beside pictures and networks. It
+    /// divides larger pictures into tiles, which takes longer; very low limits are not kept.
+    #[must_use]
+    pub fn with_max_memory(self, megabytes: u16) -> Self {
+        Self { max_memory: megabytes.into(), ..self }
     }
 
     /// The library's file.
@@ -114,23 +124,45 @@ impl Device {
     /// library fails, and what is in `out` has no meaning then.
     pub fn denoise(&self, image: &Image<'_>, out: &mut [f32]) -> Result<(), Error> {
         image.check(out)?;
+        self.with_prepared(image, |prepared| {
+            prepared.run(image, out).map_err(|step| self.failed(step))?;
+            match not_finite(out) {
+                0 => Ok(()),
+                count => Err(Error::Rubbish { path: self.path.clone(), count }),
+            }
+        })
+    }
+
+    /// How pictures of this one's kind are denoised in parts.
+    ///
+    /// # Errors
+    /// Those of [`Self::denoise`].
+    pub fn tiling(&self, image: &Image<'_>) -> Result<Tiling, Error> {
+        image.check(image.color)?;
+        self.with_prepared(image, |prepared| prepared.tiling().map_err(|step| self.failed(step)))
+    }
+
+    /// Uses what pictures of a kind are denoised by.
+    fn with_prepared<T>(
+        &self,
+        image: &Image<'_>,
+        work: impl FnOnce(&Prepared) -> Result<T, Error>,
+    ) -> Result<T, Error> {
         let mut slot = self.prepared.lock().unwrap_or_else(PoisonError::into_inner);
+        let kind = Kind::of(image, self.max_memory);
         // Whatever fails, the next picture begins anew.
-        let reusable = slot.take().filter(|prepared| prepared.kind == Kind::of(image));
-        let failed = |(action, Failure(reason)): Step| {
-            let path = self.path.clone();
-            Error::Failed { path, action, reason }
-        };
+        let reusable = slot.take().filter(|prepared| prepared.kind == kind);
         let prepared = match reusable {
             Some(prepared) => prepared,
-            None => Prepared::new(&self.device, Kind::of(image)).map_err(failed)?,
+            None => Prepared::new(&self.device, kind).map_err(|step| self.failed(step))?,
         };
-        prepared.run(image, out).map_err(failed)?;
-        match not_finite(out) {
-            0 => *slot = Some(prepared),
-            count => return Err(Error::Rubbish { path: self.path.clone(), count }),
-        }
-        Ok(())
+        let result = work(&prepared)?;
+        *slot = Some(prepared);
+        Ok(result)
+    }
+
+    fn failed(&self, (action, Failure(reason)): Step) -> Error {
+        Error::Failed { path: self.path.clone(), action, reason }
     }
 }
 
@@ -142,21 +174,35 @@ impl fmt::Debug for Device {
     }
 }
 
+/// How pictures are denoised in parts, bands of their rows for example, so that the values are
+/// those of the whole picture: parts begin at multiples of the alignment, and have as many
+/// further rows and columns on each side as the overlap says, or all that there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tiling {
+    /// In pixels, at least 1.
+    pub alignment: u32,
+    /// In pixels.
+    pub overlap: u32,
+}
+
 /// What decides whether two pictures can share a filter.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq)]
 struct Kind {
     width: usize,
     height: usize,
     albedo: bool,
     normal: bool,
     hdr: bool,
+    input_scale: Option<f32>,
     clean_aux: bool,
+    max_memory: i32,
 }
 
 impl Kind {
-    fn of(image: &Image<'_>) -> Self {
-        let &Image { width, height, albedo, normal, hdr, clean_aux, .. } = image;
-        Self { width, height, albedo: albedo.is_some(), normal: normal.is_some(), hdr, clean_aux }
+    fn of(image: &Image<'_>, max_memory: i32) -> Self {
+        let &Image { width, height, hdr, input_scale, clean_aux, .. } = image;
+        let [albedo, normal] = [image.albedo, image.normal].map(|layer| layer.is_some());
+        Self { width, height, albedo, normal, hdr, input_scale, clean_aux, max_memory }
     }
 }
 
@@ -191,8 +237,22 @@ impl Prepared {
         for (name, value) in [(c"hdr", kind.hdr), (c"cleanAux", kind.clean_aux)] {
             filter.set_bool(name, value).map_err(|why| ("set an option", why))?;
         }
+        let max_memory = filter.set_int(c"maxMemoryMB", kind.max_memory);
+        max_memory.map_err(|why| ("limit its memory", why))?;
+        if let Some(scale) = kind.input_scale {
+            filter.set_float(c"inputScale", scale).map_err(|why| ("set the scale", why))?;
+        }
         filter.commit().map_err(|why| ("prepare the filter", why))?;
         Ok(Self { kind, filter, color, albedo, normal, output })
+    }
+
+    fn tiling(&self) -> Result<Tiling, Step> {
+        let number = |name: &CStr| {
+            let number =
+                self.filter.int(name).map_err(|why| ("say how pictures are divided", why))?;
+            Ok(u32::try_from(number).unwrap_or_default())
+        };
+        Ok(Tiling { alignment: number(c"tileAlignment")?.max(1), overlap: number(c"tileOverlap")? })
     }
 
     fn run(&self, image: &Image<'_>, out: &mut [f32]) -> Result<(), Step> {

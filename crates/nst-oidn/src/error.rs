@@ -117,6 +117,12 @@ pub enum Error {
         /// The first one's row, from 0.
         row: usize,
     },
+    /// The input scale is not above 0, or not finite.
+    #[error("colours cannot be denoised at a scale of {scale}")]
+    Scale {
+        /// The scale.
+        scale: f32,
+    },
     /// Normals without albedo: Open Image Denoise has no network for these.
     #[error("normals help only beside albedo; give both, or neither")]
     NormalAlone,

@@ -24,6 +24,10 @@ pub struct Image<'a> {
     pub normal: Option<&'a [f32]>,
     /// Whether colours may be above 1.
     pub hdr: bool,
+    /// With [`Self::hdr`], what colours are multiplied by while they are denoised, above 0: a
+    /// usual brightness should become about 0.2. Without, it follows from this picture's
+    /// brightness, so that parts of a picture are denoised otherwise than the whole.
+    pub input_scale: Option<f32>,
     /// Whether albedo and normals are without noise: their edges are then kept as they are.
     /// Without albedo it means nothing.
     pub clean_aux: bool,
@@ -33,7 +37,9 @@ impl<'a> Image<'a> {
     /// A picture of colours alone, between 0 and 1.
     #[must_use]
     pub fn new(width: usize, height: usize, color: &'a [f32]) -> Self {
-        Self { width, height, color, albedo: None, normal: None, hdr: false, clean_aux: false }
+        let [albedo, normal] = [None; 2];
+        let input_scale = None;
+        Self { width, height, color, albedo, normal, hdr: false, input_scale, clean_aux: false }
     }
 
     /// Compares the layers' sizes, and that of the output, with the image's, and looks for
@@ -46,6 +52,9 @@ impl<'a> Image<'a> {
         let expected = values.filter(|&values| values > 0).ok_or(too_large)?;
         if self.normal.is_some() && self.albedo.is_none() {
             return Err(Error::NormalAlone);
+        }
+        if let Some(scale) = self.input_scale.filter(|scale| !scale.is_normal() || *scale < 0.0) {
+            return Err(Error::Scale { scale });
         }
         let length = |layer, values: &[f32]| match values.len() {
             values if values == expected => Ok(()),
@@ -109,6 +118,14 @@ mod tests {
             image.normal = Some(&[]);
         });
         assert_eq!(normal, "normal: 0 values instead of 18, three per pixel");
+    }
+
+    #[test]
+    fn scales_are_above_zero() {
+        for bad in [0.0, -1.0, 1e-40, f32::NAN, f32::INFINITY] {
+            let says = error(|image| image.input_scale = Some(bad));
+            assert_eq!(says, format!("colours cannot be denoised at a scale of {bad}"));
+        }
     }
 
     #[test]

@@ -31,7 +31,7 @@ mod system;
 mod version;
 
 pub use candidates::{Candidate, Source, candidates};
-pub use device::{Device, DeviceKind};
+pub use device::{Device, DeviceKind, Tiling};
 pub use error::Error;
 pub use image::Image;
 pub use library::Library;

@@ -73,6 +73,9 @@ functions! {
         *mut FilterObject, *const c_char, *mut BufferObject, c_int, usize, usize, usize, usize, usize
     );
     oidnSetFilterBool: fn(*mut FilterObject, *const c_char, bool);
+    oidnSetFilterInt: fn(*mut FilterObject, *const c_char, c_int);
+    oidnSetFilterFloat: fn(*mut FilterObject, *const c_char, f32);
+    oidnGetFilterInt: fn(*mut FilterObject, *const c_char) -> c_int;
     oidnCommitFilter: fn(*mut FilterObject);
     oidnExecuteFilter: fn(*mut FilterObject);
     oidnReleaseFilter: fn(*mut FilterObject);

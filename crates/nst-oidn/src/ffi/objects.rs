@@ -188,6 +188,29 @@ impl Filter {
         self.device.check()
     }
 
+    pub(crate) fn set_int(&self, name: &CStr, value: c_int) -> Result<(), Failure> {
+        let set = self.device.functions.oidnSetFilterInt;
+        // SAFETY: the filter exists, and the name ends with 0.
+        unsafe { set(self.object.as_ptr(), name.as_ptr(), value) };
+        self.device.check()
+    }
+
+    pub(crate) fn set_float(&self, name: &CStr, value: f32) -> Result<(), Failure> {
+        let set = self.device.functions.oidnSetFilterFloat;
+        // SAFETY: the filter exists, and the name ends with 0.
+        unsafe { set(self.object.as_ptr(), name.as_ptr(), value) };
+        self.device.check()
+    }
+
+    /// A number that describes a filter that was committed.
+    pub(crate) fn int(&self, name: &CStr) -> Result<c_int, Failure> {
+        let get = self.device.functions.oidnGetFilterInt;
+        // SAFETY: the filter exists, and the name ends with 0.
+        let value = unsafe { get(self.object.as_ptr(), name.as_ptr()) };
+        self.device.check()?;
+        Ok(value)
+    }
+
     /// Prepares the filter for what was set.
     pub(crate) fn commit(&self) -> Result<(), Failure> {
         // SAFETY: the filter exists.

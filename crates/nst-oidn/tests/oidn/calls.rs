@@ -2,7 +2,7 @@
 
 use std::thread;
 
-use nst_oidn::{DeviceKind, Image};
+use nst_oidn::{DeviceKind, Image, Tiling};
 
 use crate::fake::Fake;
 
@@ -26,11 +26,12 @@ fn every_call_has_its_arguments() {
         albedo: Some(&albedo),
         normal: Some(&normal),
         hdr: true,
+        input_scale: Some(0.25),
         ..Image::new(3, 2, &color)
     };
     let mut out = vec![f32::NAN; 18];
     {
-        let device = fake.device().expect("a device");
+        let device = fake.device().expect("a device").with_max_memory(300);
         assert_eq!(device.version().to_string(), "2.5.1");
         assert_eq!((device.kind(), device.path()), (DeviceKind::Cpu, fake.path()));
         device.denoise(&image, &mut out).expect("a denoised picture");
@@ -52,6 +53,8 @@ fn every_call_has_its_arguments() {
         "oidnSetFilterImage 2 output 6 format 3, 3 x 2, 0 0 0",
         "oidnSetFilterBool 2 hdr 1",
         "oidnSetFilterBool 2 cleanAux 0",
+        "oidnSetFilterInt 2 maxMemoryMB 300",
+        "oidnSetFilterFloat 2 inputScale 0.25",
         "oidnCommitFilter 2",
         "oidnWriteBuffer 3 0 72",
         "oidnWriteBuffer 4 0 72",
@@ -86,8 +89,10 @@ fn layers_that_are_not_there_are_not_set() {
         assert_eq!(fake.calls("oidnSetFilterImage"), layers);
         assert_eq!(fake.calls("oidnWriteBuffer"), layers - 1);
         let log = fake.log();
-        assert!(log.contains(&"oidnSetFilterBool 2 hdr 0".to_owned()));
-        assert!(log.contains(&"oidnSetFilterBool 2 cleanAux 1".to_owned()));
+        for call in ["Bool 2 hdr 0", "Bool 2 cleanAux 1", "Int 2 maxMemoryMB -1"] {
+            assert!(log.contains(&format!("oidnSetFilter{call}")), "{call}: {log:?}");
+        }
+        assert_eq!(fake.calls("oidnSetFilterFloat"), 0, "the library chooses the scale");
         assert!(fake.faults().is_empty());
     }
 }
@@ -116,6 +121,7 @@ fn pictures_of_one_kind_share_a_filter() {
     let others = [
         Image { hdr: true, ..image },
         Image { clean_aux: true, ..image },
+        Image { input_scale: Some(1.0), ..image },
         Image { normal: Some(&color), ..image },
         Image { albedo: None, ..image },
         Image { width: 2, height: 3, ..image },
@@ -131,6 +137,26 @@ fn pictures_of_one_kind_share_a_filter() {
     }
     drop(device);
     assert!(fake.faults().is_empty());
+}
+
+/// What is asked of the library is the filter of that kind, which pictures then share.
+#[test]
+fn pictures_may_be_divided() {
+    let fake = Fake::new(&["TILE_ALIGNMENT=8", "TILE_OVERLAP=40"]);
+    let device = fake.device().expect("a device");
+    let color = layer(1.0);
+    let image = Image { albedo: Some(&color), ..Image::new(3, 2, &color) };
+    let tiling = device.tiling(&image).expect("what the library says");
+    assert_eq!(tiling, Tiling { alignment: 8, overlap: 40 });
+    assert_eq!((fake.calls("oidnNewBuffer"), fake.calls("oidnWriteBuffer")), (3, 0));
+    device.denoise(&image, &mut [0.0; 18]).expect("a denoised picture");
+    assert_eq!(fake.calls("oidnNewFilter"), 1);
+    drop(device);
+    assert!(fake.faults().is_empty());
+    // An alignment of none is one of each pixel.
+    let odd = Fake::new(&["TILE_ALIGNMENT=0", "TILE_OVERLAP=-1"]);
+    let tiling = odd.device().expect("a device").tiling(&image).expect("what the library says");
+    assert_eq!(tiling, Tiling { alignment: 1, overlap: 0 });
 }
 
 #[test]

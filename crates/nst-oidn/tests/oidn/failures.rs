@@ -7,12 +7,14 @@ use crate::{calls::layer, fake::Fake};
 /// What the fake says of a call that failed.
 const WHY: &str = "it fell on the floor (error 4)";
 
-/// Denoises a picture with all layers.
+/// Denoises a picture with all layers, and asks how it could be divided.
 fn denoise(device: &nst_oidn::Device) -> Result<(), String> {
     let color = layer(1.0);
     let layers = Some(color.as_slice());
-    let image = Image { albedo: layers, normal: layers, ..Image::new(3, 2, &color) };
-    device.denoise(&image, &mut [0.0; 18]).map_err(|error| error.to_string())
+    let input_scale = Some(1.0);
+    let image = Image { albedo: layers, normal: layers, input_scale, ..Image::new(3, 2, &color) };
+    let denoised = device.denoise(&image, &mut [0.0; 18]);
+    denoised.and_then(|()| device.tiling(&image)).map(drop).map_err(|error| error.to_string())
 }
 
 #[test]
@@ -39,7 +41,7 @@ fn an_error_may_lack_its_message_and_a_failure_its_error() {
 }
 
 /// A function that fails at this call, and what then failed.
-const STEPS: [(&str, usize, &str); 17] = [
+const STEPS: [(&str, usize, &str); 21] = [
     ("oidnNewFilter", 1, "make a filter"),
     ("oidnNewBuffer", 1, "allocate memory for a picture"),
     ("oidnNewBuffer", 2, "allocate memory for a picture"),
@@ -51,12 +53,16 @@ const STEPS: [(&str, usize, &str); 17] = [
     ("oidnSetFilterImage", 4, "give the filter a picture"),
     ("oidnSetFilterBool", 1, "set an option"),
     ("oidnSetFilterBool", 2, "set an option"),
+    ("oidnSetFilterInt", 1, "limit its memory"),
+    ("oidnSetFilterFloat", 1, "set the scale"),
     ("oidnCommitFilter", 1, "prepare the filter"),
     ("oidnWriteBuffer", 1, "copy a picture to the device"),
     ("oidnWriteBuffer", 2, "copy a picture to the device"),
     ("oidnWriteBuffer", 3, "copy a picture to the device"),
     ("oidnExecuteFilter", 1, "denoise"),
     ("oidnReadBuffer", 1, "copy the picture from the device"),
+    ("oidnGetFilterInt", 1, "say how pictures are divided"),
+    ("oidnGetFilterInt", 2, "say how pictures are divided"),
 ];
 
 #[test]
@@ -115,6 +121,7 @@ fn the_library_sees_no_bad_picture() {
     let images = [
         Image { width: 4, ..image },
         Image { height: 0, ..image },
+        Image { input_scale: Some(-1.0), ..image },
         Image { color: &bad, ..image },
         Image { normal: Some(&color), ..image },
         Image { albedo: Some(&color[3..]), ..image },
@@ -123,5 +130,6 @@ fn the_library_sees_no_bad_picture() {
         device.denoise(&image, &mut [0.0; 18]).expect_err("a bad picture");
     }
     device.denoise(&image, &mut [0.0; 17]).expect_err("too little space");
+    device.tiling(&Image { height: 1, ..image }).expect_err("too much of it");
     assert_eq!(fake.log(), before);
 }

@@ -25,6 +25,12 @@
 #ifndef VERSION
 #define VERSION 20501
 #endif
+#ifndef TILE_ALIGNMENT
+#define TILE_ALIGNMENT 16
+#endif
+#ifndef TILE_OVERLAP
+#define TILE_OVERLAP 96
+#endif
 #ifndef TYPE
 #define TYPE 1
 #endif
@@ -177,6 +183,26 @@ void oidnSetFilterImage(Object *filter, const char *name, Object *buffer, int fo
 void oidnSetFilterBool(Object *filter, const char *name, bool value) {
   SAY("oidnSetFilterBool %d %s %d", checked(filter, 'f'), name, value);
   fails("oidnSetFilterBool");
+}
+
+void oidnSetFilterInt(Object *filter, const char *name, int value) {
+  SAY("oidnSetFilterInt %d %s %d", checked(filter, 'f'), name, value);
+  fails("oidnSetFilterInt");
+}
+
+void oidnSetFilterFloat(Object *filter, const char *name, float value) {
+  SAY("oidnSetFilterFloat %d %s %g", checked(filter, 'f'), name, value);
+  fails("oidnSetFilterFloat");
+}
+
+int oidnGetFilterInt(Object *filter, const char *name) {
+  SAY("oidnGetFilterInt %d %s", checked(filter, 'f'), name);
+  if (!filter->committed) say("FAULT: the filter is not committed");
+  if (fails("oidnGetFilterInt")) return 0;
+  if (strcmp(name, "tileAlignment") == 0) return TILE_ALIGNMENT;
+  if (strcmp(name, "tileOverlap") == 0) return TILE_OVERLAP;
+  say("FAULT: unknown parameter");
+  return 0;
 }
 
 void oidnCommitFilter(Object *filter) {
