@@ -114,6 +114,22 @@ fn info_knows_each_kind_of_file() {
     assert_eq!(system["version"], env!("CARGO_PKG_VERSION"));
     assert!(system["threads"].as_u64() > Some(0) && system["adapters"].is_array(), "{system}");
     assert!(bench.succeed("info --system").contains("processor"));
+    // What would be loaded is named, and not loaded: it is no library.
+    std::fs::create_dir(bench.path("oidn")).expect("a folder");
+    bench.write("oidn/mine.so", "no library");
+    bench.write("oidn/libOpenImageDenoise_core.so.2.4.1", "");
+    let denoiser = |file: &str, option: &str| {
+        let output = bench.nst_with(&format!("info --system {option}"), &[("OIDN_LIBRARY", file)]);
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stdout).expect("UTF-8")
+    };
+    let found = &json(&denoiser("oidn/mine.so", "--json"))["denoiser"];
+    assert_eq!(found["file"], "oidn/mine.so (named by OIDN_LIBRARY)");
+    assert_eq!((&found["version"], &found["error"]), (&"2.4.1".into(), &Value::Null));
+    let said = denoiser("oidn/mine.so", "");
+    assert!(said.contains("denoiser     Open Image Denoise 2.4.1, oidn/mine.so"), "{said}");
+    let said = denoiser("oidn/gone", "");
+    assert!(said.contains("denoiser     none: OIDN_LIBRARY: 'oidn/gone' is neither"), "{said}");
     let scene = info(&scene);
     assert_eq!((&scene["kind"], &scene["triangles"]), (&"scene".into(), &38.into()));
     assert_eq!(scene["networks"], Value::from(vec!["cornell"]));

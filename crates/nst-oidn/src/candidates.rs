@@ -7,8 +7,8 @@ use std::{
 };
 
 use crate::{
-    Error,
-    environment::{Environment, OIDN_LIBRARY},
+    Error, Version,
+    environment::{Environment, OIDN_LIBRARY, entries},
     python, system,
 };
 
@@ -20,6 +20,10 @@ const NAMES: &[&str] = if cfg!(windows) {
 } else {
     &["libOpenImageDenoise.so.2"]
 };
+
+/// How the name of the library begins, and that of a part of it, which always says the version.
+const STEM: &str = "libOpenImageDenoise.";
+const PART: &str = "libOpenImageDenoise_core.";
 
 /// Where a file was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,6 +55,21 @@ impl Candidate {
     #[must_use]
     pub fn source(&self) -> Source {
         self.source
+    }
+
+    /// The version, if the names of files say it: of what the file is a link to, or of the part of
+    /// the library that is beside it. What has been loaded says it itself.
+    #[must_use]
+    pub fn version(&self) -> Option<Version> {
+        let file = self.path.canonicalize().ok()?;
+        let own = |path: &Path| Version::of_name(path.file_name()?.to_str()?.strip_prefix(STEM)?);
+        let of_part =
+            |path: &PathBuf| Version::of_name(path.file_name()?.to_str()?.strip_prefix(PART)?);
+        own(&file).or_else(|| {
+            let parts: BTreeSet<Version> =
+                entries(file.parent()?).iter().filter_map(of_part).collect();
+            parts.first().copied().filter(|_| parts.len() == 1)
+        })
     }
 }
 
@@ -239,6 +258,30 @@ mod tests {
         std::os::unix::fs::symlink(target, root.path().join("bin/python3")).expect("a link");
         let found = found(root.path(), &[("PATH", "bin")]).expect("a library");
         assert_eq!(found, [(behind, Source::Python)]);
+    }
+
+    #[test]
+    fn names_of_files_say_the_version() {
+        let version = |files: &[&str], link: Option<&str>| {
+            let root = tree(files);
+            let path = root.path().join(NAMES[0]);
+            match link {
+                Some(file) => std::os::unix::fs::symlink(file, &path).expect("a link"),
+                None => fs::write(&path, "").expect("a file is written"),
+            }
+            let version = Candidate { path, source: Source::System }.version();
+            version.map(|version| version.to_string())
+        };
+        let linked = "libOpenImageDenoise.so.2.5.1";
+        let [core, older] =
+            ["2.3.0", "2.1.0"].map(|it| format!("libOpenImageDenoise_core.so.{it}"));
+        assert_eq!(version(&[linked, &core], Some(linked)), Some("2.5.1".into()));
+        assert_eq!(version(&[&core, "libother.so.2.9.9"], None), Some("2.3.0".into()));
+        // Two of them, or a name that says less.
+        assert_eq!(version(&[&core, &older], None), None);
+        assert_eq!(version(&["libOpenImageDenoise_core.so.2"], None), None);
+        let apple = "libOpenImageDenoise_core.2.4.0.dylib";
+        assert_eq!(version(&[apple], None), Some("2.4.0".into()));
     }
 
     #[test]

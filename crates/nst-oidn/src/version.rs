@@ -18,6 +18,14 @@ impl Version {
     pub(crate) fn from_digits(digits: i32) -> Self {
         Self { major: digits / 10_000, minor: digits / 100 % 100, patch: digits % 100 }
     }
+
+    /// From the end of a file's name, as in `so.2.5.1` or `2.5.1.dylib`.
+    pub(crate) fn of_name(end: &str) -> Option<Self> {
+        let end = end.strip_prefix("so.").or_else(|| end.strip_suffix(".dylib"))?;
+        let numbers: Vec<i32> = end.split('.').map(|it| it.parse().ok()).collect::<Option<_>>()?;
+        let [major, minor, patch] = numbers.try_into().ok()?;
+        Some(Self { major, minor, patch })
+    }
 }
 
 impl fmt::Display for Version {
@@ -34,5 +42,11 @@ mod tests {
     fn versions_have_three_numbers() {
         assert_eq!(Version::from_digits(20_501).to_string(), "2.5.1");
         assert_eq!(Version::from_digits(21_299).to_string(), "2.12.99");
+        let named = |end| Version::of_name(end).map(|version| version.to_string());
+        assert_eq!(named("so.2.5.1"), Some("2.5.1".into()));
+        assert_eq!(named("2.12.99.dylib"), Some("2.12.99".into()));
+        for end in ["so.2", "so.2.5", "so.2.5.1.4", "so.2.x.1", "2.5.1", "so", ""] {
+            assert_eq!(named(end), None, "{end}");
+        }
     }
 }

@@ -114,8 +114,8 @@ pub(crate) struct InfoArgs {
     /// The file.
     #[arg(value_name = "FILE", required_unless_present_any = ["system", "network"])]
     pub(crate) file: Option<PathBuf>,
-    /// Show the program's version and build, the processor and the adapters instead: for
-    /// reports of errors.
+    /// Show the program's version and build, the processor, the adapters and the library of Open
+    /// Image Denoise instead: for reports of errors.
     #[arg(long, conflicts_with = "file")]
     pub(crate) system: bool,
     /// Show a built-in network instead.
