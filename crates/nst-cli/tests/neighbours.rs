@@ -136,6 +136,33 @@ fn a_denoiser_that_fails_is_left_out() {
     assert!(none["notes"].to_string().contains("nothing of 'auto' runs on a GPU"), "{none}");
 }
 
+/// Strips are as tall as the library needs: it says the same of each row, whether all are in one
+/// strip, as of a small file, or not, as of a rendering.
+#[cfg(unix)]
+#[test]
+fn a_denoiser_gets_what_it_depends_on() {
+    let bench = Bench::new();
+    let same = |library: &str| {
+        let run = |args: &str| {
+            let output = bench.nst_with(&format!("{args} -q"), &[("OIDN_LIBRARY", library)]);
+            assert!(output.status.success(), "{output:?}");
+        };
+        let scene = format!("render --scene {} --size 6x500 --spp 8", cornell());
+        run(&format!("{scene} --threads 1 --experts oidn --sequence s.exr -o x.exr"));
+        run("transform s.exr --experts oidn -o y.exr");
+        let [x, y] = ["x.exr", "y.exr"].map(|name| lanes(&bench, name, ""));
+        assert!(x != lanes(&bench, "x.exr", "S"), "it is trusted");
+        x == y
+    };
+    for (overlap, reach) in [(96, 96), (40, 48), (0, 0)] {
+        let macros = [format!("TILE_OVERLAP={overlap}"), format!("REACH={reach}")];
+        let library = fake(&bench, "fits.so", &[&macros[0], &macros[1]]);
+        assert!(same(&library), "{overlap}");
+    }
+    // One that looks farther than it says.
+    assert!(!same(&fake(&bench, "far.so", &["TILE_OVERLAP=48", "REACH=96"])));
+}
+
 /// Pictures of one pixel, of one row, and of one column.
 #[test]
 fn small_pictures() {

@@ -156,6 +156,16 @@ impl Requirements {
             Support::Radius(radius) => radius,
         }
     }
+
+    /// The fewest rows of a strip that are worth a halo of theirs: with fewer, it would be most of
+    /// what is read. Strips of a picture that is needed as a whole have all rows.
+    #[must_use]
+    pub fn least_rows(&self) -> u32 {
+        match self.support {
+            Support::Picture => u32::MAX,
+            _ => self.halo().saturating_mul(2),
+        }
+    }
 }
 
 /// Whether a lane was transformed, or why it has S_n instead.

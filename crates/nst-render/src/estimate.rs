@@ -80,10 +80,7 @@ impl<'a, F: FnMut(Range<usize>, &Estimates)> Estimator<'a, F> {
     /// Those of the method.
     pub fn finish(mut self, rendering: &Rendering) -> Result<Box<dyn Fitted + 'a>, Error> {
         let needs = self.transform.requires();
-        let mut strips = rendering.strips();
-        if needs.support == Support::Picture {
-            strips = strips.with_rows(rendering.size()[1]);
-        }
+        let mut strips = rendering.strips().with_least_rows(needs.least_rows());
         let (fitted, next) = match self.stage {
             Stage::Learns(mut fit) => {
                 strips.skip_to(self.next);

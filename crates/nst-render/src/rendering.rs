@@ -122,6 +122,13 @@ impl RenderingStrips<'_> {
         Self { step: rows.clamp(1, 1 << 30).next_multiple_of(TILE), ..self }
     }
 
+    /// Strips of at least this many rows, rounded up likewise.
+    #[must_use]
+    pub fn with_least_rows(self, rows: u32) -> Self {
+        let rows = rows.max(self.step);
+        self.with_rows(rows)
+    }
+
     /// Goes on with the strip that begins at a row.
     pub fn skip_to(&mut self, row: u32) {
         self.next = row;

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use nst_core::{Estimates, Strips, Support};
+use nst_core::{Estimates, Strips};
 use nst_files::{
     output::{Name, Outputs},
     sequence_file::{SequenceInfo, SequenceReader},
@@ -34,9 +34,7 @@ pub(super) fn run(args: &TransformArgs) -> Result<Summary, Error> {
     if method.transform.requires().reads_features() && !features {
         notes.push(BLIND.to_owned());
     }
-    if method.transform.requires().support == Support::Picture {
-        reader = reader.with_strip_rows(info.size[1]);
-    }
+    reader = reader.with_least_strip_rows(method.transform.requires().least_rows());
 
     let mut outputs = Outputs::of_inputs([&args.sequence].into_iter().chain(args.method.files()));
     let default = args.sequence.with_extension("nst.exr");

@@ -115,6 +115,13 @@ impl SequenceReader {
         Self { step: rows.clamp(1, 1 << 30).next_multiple_of(BLOCK_ROWS), ..self }
     }
 
+    /// Reads strips of at least this many rows, rounded up likewise.
+    #[must_use]
+    pub fn with_least_strip_rows(self, rows: u32) -> Self {
+        let rows = rows.max(self.step);
+        self.with_strip_rows(rows)
+    }
+
     /// Continues with the strip that begins at a row.
     pub(crate) fn skip_to(&mut self, row: u32) {
         self.next = row.min(self.info.size[1]);

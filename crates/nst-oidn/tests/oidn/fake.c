@@ -1,6 +1,7 @@
 /* A library with the functions of Open Image Denoise 2 that nst uses. It appends a line to the
    file LOG for each call, and says FAULT there for what the real one need not survive. Its filter
-   returns 2 color + albedo + 10 normal.
+   returns 2 color + albedo + 10 normal; with the macro REACH, means over blocks of TILE_ALIGNMENT
+   rows and a little of the REACH rows around each, times the mean colour if the scale is not set.
 
    Macros make it fail: FAIL is the name of a function that fails, at its call number FAIL_AT.
    HOW is what that means: 0, an error and no object; 1, no object and no error; 2, an error and
@@ -71,6 +72,7 @@ typedef struct {
   bool committed;
   size_t bytes;
   float *values;
+  float scale;
   struct Image {
     const char *name;
     float *values;
@@ -192,7 +194,7 @@ void oidnSetFilterInt(Object *filter, const char *name, int value) {
 
 void oidnSetFilterFloat(Object *filter, const char *name, float value) {
   SAY("oidnSetFilterFloat %d %s %g", checked(filter, 'f'), name, value);
-  fails("oidnSetFilterFloat");
+  if (!fails("oidnSetFilterFloat") && strcmp(name, "inputScale") == 0) filter->scale = value;
 }
 
 int oidnGetFilterInt(Object *filter, const char *name) {
@@ -221,6 +223,21 @@ void oidnExecuteFilter(Object *filter) {
     output.values[i] = 0;
     for (int k = 0; k < 3; k++)
       if (filter->images[k].values) output.values[i] += factors[k] * filter->images[k].values[i];
+#ifdef REACH
+    const size_t row = 3 * output.width, y = i / row, block = y / TILE_ALIGNMENT * TILE_ALIGNMENT;
+    const size_t end = block + TILE_ALIGNMENT + REACH, last = output.height;
+    float near = 0, rows = 0, far = 0, mean = 0;
+    for (size_t k = block > REACH ? block - REACH : 0; k < (end < last ? end : last); k++) {
+      const float value = filter->images[0].values[k * row + i % row];
+      const bool is_near = block <= k && k < block + TILE_ALIGNMENT;
+      near += is_near ? value : 0;
+      rows += is_near ? 1 : 0;
+      far += value;
+    }
+    for (size_t k = 0; filter->scale == 0 && k < row * last; k++)
+      mean += filter->images[0].values[k] / (row * last);
+    output.values[i] = (near / rows + 0.0001f * far) * (filter->scale == 0 ? mean : 1);
+#endif
 #ifdef RUBBISH
     if (i % 5 == 1) output.values[i] = NAN;
 #endif

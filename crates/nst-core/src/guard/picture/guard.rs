@@ -21,6 +21,9 @@ use crate::{Error, Fitted, Requirements, Side, Strips, Support, Transform};
 /// a pixel sees several surfaces.
 const FEATURES: &[Side] = Side::FEATURES.split_at(4).1;
 
+/// How far experts look, in rows, so that strips of usual heights are worth their halo.
+const FAR: u32 = 32;
+
 /// Blends the plain estimate with experts that look at neighbours, and with the [`Guard`] of
 /// lanes, as far as samples that were held out support it. Without a [`Grid`](crate::Grid), it
 /// is that guard alone.
@@ -64,6 +67,12 @@ impl PictureGuard {
         halos.max().unwrap_or(0)
     }
 
+    /// How many views of a strip are made one after the other: where experts look far, strips are
+    /// tall, and what each view takes is much.
+    fn views_in_turn(&self) -> usize {
+        if self.halo() > FAR { GROUPS + 1 } else { 1 }
+    }
+
     /// Measures the experts on all strips: sums of each layer, or the expert that failed.
     fn measure(
         &self,
@@ -75,7 +84,8 @@ impl PictureGuard {
         strips.rewind(self.halo())?;
         while let Some(batch) = strips.next_strip()? {
             let strip = Strip::new(&batch).expect("the guard of lanes has seen folds and a grid");
-            let views = (0..=GROUPS).into_par_iter().map(|group| panel.look(&strip, group));
+            let views = (0..GROUPS + 1).into_par_iter().with_min_len(self.views_in_turn());
+            let views = views.map(|group| panel.look(&strip, group));
             let views = match views.collect::<Result<Vec<_>, _>>() {
                 Ok(views) => views,
                 Err(failure) => return Ok(Err(failure)),
