@@ -24,6 +24,13 @@ const NESTED: &str = "halton";
 const NESTED_FOLDS: &str = "the folds of --sampler halton depend on each other, so that none can be \
                             held out; those of --sampler halton-folds do not";
 
+/// A guard, and what its user should know of its experts.
+pub(crate) struct Guarded {
+    pub(crate) transform: Box<dyn Transform>,
+    /// Why one of all experts takes no part.
+    pub(crate) missing: Option<String>,
+}
+
 /// The guard over the experts of a list, which are its own if the list is empty, for samples of
 /// this sampler. The first networks that see samples are also fitted again, as many as there is
 /// room for.
@@ -36,20 +43,23 @@ pub(crate) fn guard(
     backend: BackendArg,
     adapter: &Adapter,
     common: &CommonArgs,
-) -> Result<Box<dyn Transform>, Error> {
+) -> Result<Guarded, Error> {
+    let All { list, mut oidn, missing } = All::of(list, common);
     let lanes = list.is_empty() || list.contains(&ExpertArg::Lane);
     let mut networks = Vec::new();
     let mut of_pictures: Vec<Box<dyn PictureExpert>> = Vec::new();
-    for arg in list {
+    for arg in &list {
         match arg {
             ExpertArg::Lane => {}
             ExpertArg::Filter => of_pictures.push(Box::new(WelchFilter::default())),
-            ExpertArg::Oidn => {
-                of_pictures.push(Box::new(Oidn::named(|library| loading(&library, common))?))
-            }
+            ExpertArg::Oidn => of_pictures.push(Box::new(match oidn.take() {
+                Some(oidn) => oidn,
+                None => Oidn::named(|library| loading(&library, common))?,
+            })),
             other => networks.push(other),
         }
     }
+    let guarded = |transform| Guarded { transform, missing };
     let refits = Guard::MOST_EXPERTS.saturating_sub(networks.len());
     let networks = networks.into_iter().enumerate();
     let networks = networks.map(|(i, arg)| expert(arg, i < refits, backend, adapter));
@@ -70,13 +80,44 @@ pub(crate) fn guard(
     if sampler == NESTED {
         let notes = vec![NESTED_FOLDS.to_owned()];
         let judgement = Judgement { ratio: 1.0, interval: [1.0; 2], notes, ..Judgement::default() };
-        return Ok(Box::new(Kept(judgement)));
+        return Ok(guarded(Box::new(Kept(judgement))));
     }
     if of_pictures.is_empty() {
-        return Ok(Box::new(guard));
+        return Ok(guarded(Box::new(guard)));
     }
     let guard = PictureGuard::new(guard, of_pictures).map_err(usage)?;
-    Ok(Box::new(if lanes { guard } else { guard.without_lane() }))
+    Ok(guarded(Box::new(if lanes { guard } else { guard.without_lane() })))
+}
+
+/// A list of experts in which `all` is replaced by those that can run here.
+struct All {
+    list: Vec<ExpertArg>,
+    /// That of the list, where it was looked for.
+    oidn: Option<Oidn>,
+    /// Why it is not in the list.
+    missing: Option<String>,
+}
+
+impl All {
+    fn of(list: &[ExpertArg], common: &CommonArgs) -> Self {
+        let (mut oidn, mut missing) = (None, None);
+        let mut named = Vec::new();
+        for arg in list {
+            if *arg != ExpertArg::All {
+                named.push(arg.clone());
+                continue;
+            }
+            named.extend([ExpertArg::Lane, ExpertArg::Filter]);
+            match Oidn::named(|library| loading(&library, common)) {
+                Ok(found) => {
+                    oidn = Some(found);
+                    named.push(ExpertArg::Oidn);
+                }
+                Err(why) => missing = Some(format!("'oidn' takes no part: {why}")),
+            }
+        }
+        Self { list: named, oidn, missing }
+    }
 }
 
 /// Says which library is about to be loaded, as a damaged one may end the process.
@@ -92,7 +133,9 @@ fn expert(
     adapter: &Adapter,
 ) -> Result<Box<dyn Expert>, Error> {
     let network = match arg {
-        ExpertArg::Lane | ExpertArg::Filter | ExpertArg::Oidn => unreachable!("no networks"),
+        ExpertArg::All | ExpertArg::Lane | ExpertArg::Filter | ExpertArg::Oidn => {
+            unreachable!("no networks")
+        }
         ExpertArg::Builtin(name) => return of_terms(arg, builtin(name)?, "--transform"),
         ExpertArg::Samples(name) => builtin_of_samples(name)?,
         ExpertArg::Weights(path) => match network_of(path)? {

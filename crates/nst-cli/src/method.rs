@@ -17,7 +17,7 @@ use crate::{
     adapter::{Adapter, caught},
     args::{BackendArg, CommonArgs, ExpertArg, FILTER, MethodArgs, TransformArg},
     error::Error,
-    guard::guard,
+    guard::{Guarded, guard},
     networks::{builtin, builtin_of_samples, network_of},
     samples::{Lack, evaluated},
 };
@@ -30,7 +30,7 @@ pub(crate) const DEFAULT_WINDOW: usize = 8;
 const AS_ASKED: &str = "as asked";
 
 /// What to tell where experts that look at neighbours know nothing but radiance.
-pub(crate) const BLIND: &str = "there are no features by fold (albedo, normals, emission), so that what looks at \
+const BLIND: &str = "there are no features by fold (albedo, normals, emission), so that what looks at \
      neighbours sees radiance alone; 'nst render --features --sequence' stores them, and 'nst pack'";
 
 /// What the guard does.
@@ -49,6 +49,8 @@ pub(crate) struct Method {
     /// The option that asks for it, if it is a network that sees samples, without the guard: where
     /// they lack what it needs, the job fails.
     pub(crate) needs_statistics: Option<String>,
+    /// Why one of all experts takes no part.
+    pub(crate) missing: Option<String>,
 }
 
 impl Method {
@@ -89,8 +91,8 @@ impl Method {
         common: &CommonArgs,
     ) -> Result<Self, Error> {
         let adapter = Adapter::default();
-        let transform = guard(experts, sampler, backend, &adapter, common)?;
-        Ok(Self { adapter, ..Self::on_cpu(TransformArg::Auto.name(), BLENDS, transform) })
+        let Guarded { transform, missing } = guard(experts, sampler, backend, &adapter, common)?;
+        Ok(Self { adapter, missing, ..Self::on_cpu(TransformArg::Auto.name(), BLENDS, transform) })
     }
 
     /// The method of a name; `auto` with the guard's own experts, for independent folds.
@@ -155,14 +157,32 @@ impl Method {
         }
     }
 
+    /// What the user should know of the method, before it sees samples with these side channels.
+    pub(crate) fn notes(&self, args: &MethodArgs, sides: &[Side]) -> Vec<String> {
+        let notes = [self.missing.clone(), self.blind(sides), self.without_gpu(args)];
+        notes.into_iter().flatten().collect()
+    }
+
+    /// Says so if experts that look at neighbours will know nothing but radiance. Where nothing can
+    /// be held out, they do not look at all.
+    fn blind(&self, sides: &[Side]) -> Option<String> {
+        let has_folds = Side::EVERY_OF_FOLDS.iter().all(|side| sides.contains(side));
+        let has_features = sides.iter().any(|side| side.is_feature() && side.is_of_fold());
+        let is_blind = self.transform.requires().reads_features() && has_folds && !has_features;
+        is_blind.then(|| BLIND.to_owned())
+    }
+
     /// Says so if a GPU was asked for in vain, by the method or by experts of it.
-    pub(crate) fn note(&self, args: &MethodArgs) -> Option<String> {
+    fn without_gpu(&self, args: &MethodArgs) -> Option<String> {
         if args.backend != BackendArg::Gpu {
             return None;
         }
         let has = |expert| args.experts.contains(&expert);
-        let chosen = has(ExpertArg::Oidn).then_some("'oidn' chooses its device itself");
-        let stays = has(ExpertArg::Filter).then_some("the expert 'filter' stays on the CPU");
+        let all = has(ExpertArg::All);
+        let chosen = has(ExpertArg::Oidn) || (all && self.missing.is_none());
+        let chosen = chosen.then_some("'oidn' chooses its device itself");
+        let stays = has(ExpertArg::Filter) || all;
+        let stays = stays.then_some("the expert 'filter' stays on the CPU");
         // Such an expert has no part in what `backend` says.
         let others = match self.adapter() {
             None if chosen.is_some() => Some("nothing else runs on a GPU".to_owned()),
@@ -188,7 +208,7 @@ impl Method {
 
     fn on_cpu(name: &str, reason: &'static str, transform: Box<dyn Transform>) -> Self {
         let (name, adapter) = (name.to_owned(), Adapter::default());
-        Self { name, reason, adapter, transform, needs_statistics: None }
+        Self { name, reason, adapter, transform, needs_statistics: None, missing: None }
     }
 
     /// A network that sees samples, without the guard; `option` asks for it.
@@ -217,8 +237,8 @@ impl Method {
             BackendArg::Gpu => on_gpu(network, &adapter)?,
             BackendArg::Auto => on_any(network, cpu, &adapter),
         };
-        let needs_statistics = None;
-        Ok(Self { name: name.into(), reason: AS_ASKED, adapter, transform, needs_statistics })
+        let method = Self::on_cpu(&name.into(), AS_ASKED, transform);
+        Ok(Self { adapter, ..method })
     }
 }
 

@@ -299,6 +299,22 @@ fn a_bench_of_the_guard() {
         &["'cornell'", "window of terms"],
     );
     fails(&bench, &format!("{random} --experts mine"), 2, &["'mine'", "there are lane"]);
+    fails(&bench, &format!("{random} --experts all"), 2, &["--experts all", "name them"]);
+
+    // Experts that read features get them, as in a rendering.
+    succeed(&bench, &format!("{random} --experts lane,filter --quiet"));
+    let rows = table(&bench, "t.csv");
+    let predicted = cell(&rows, "auto: lane + filter", "predicted_ratio");
+    let seed = cell(&rows, "none", "seed");
+    let render = format!("render --scene {} --size 40x30 --spp 8 --seed {seed}", cornell());
+    let ratio = |args: &str| {
+        let said: serde_json::Value =
+            serde_json::from_str(&succeed(&bench, &format!("{args} --json"))).expect("JSON");
+        said["predicted_ratio"].to_string()
+    };
+    assert_eq!(predicted, ratio(&format!("{render} --experts lane,filter -o x.exr")));
+    succeed(&bench, &format!("{render} --transform none --sequence s.exr -o x.exr -q"));
+    assert_ne!(predicted, ratio("transform s.exr --experts lane,filter -o y.exr"), "without");
 }
 
 /// What a signal leaves of a reference is said.

@@ -61,6 +61,11 @@ fn without_features_radiance_is_all_there_is() {
     assert!(said["notes"].to_string().contains("sees radiance alone"), "{said}");
     let resumed = render("--spp 12 --resume s.exr -o z.exr --experts lane,filter");
     assert!(report(&bench, &resumed)["notes"].to_string().contains("sees radiance alone"));
+    // Where nothing can be held out, nothing looks at all.
+    bench.succeed(&render("--spp 3 --sequence three.exr -o x.exr --transform none -q"));
+    let said = report(&bench, "transform three.exr -o y.exr --experts lane,filter");
+    assert!(said["reason"].to_string().contains("fewer than four samples"), "{said}");
+    assert!(!said["notes"].to_string().contains("sees radiance alone"), "{said}");
     // Parts of one sequence cannot be held out, whoever asks.
     let nested = render("--spp 8 --sampler halton -o n.exr --experts lane,filter");
     let said = report(&bench, &nested);
@@ -161,6 +166,39 @@ fn a_denoiser_gets_what_it_depends_on() {
     }
     // One that looks farther than it says.
     assert!(!same(&fake(&bench, "far.so", &["TILE_OVERLAP=48", "REACH=96"])));
+}
+
+/// All experts are those that can run.
+#[cfg(unix)]
+#[test]
+fn all_experts() {
+    let bench = Bench::new();
+    bench.succeed(&render("--spp 8 --sequence s.exr -o x.exr --features --transform none -q"));
+    bench.write("text.so", "not a library");
+    let works = fake(&bench, "works.so", &[]);
+    let said = |library: &str, options: &str| -> Value {
+        let command = format!("transform s.exr --experts {options} -o y.exr --json");
+        let output = bench.nst_with(&command, &[("OIDN_LIBRARY", library)]);
+        assert!(output.status.success(), "{output:?}");
+        serde_json::from_slice(&output.stdout).expect("JSON")
+    };
+    let all = said(&works, "all");
+    assert_eq!(all["experts"], said(&works, "lane,filter,oidn")["experts"]);
+    assert_eq!(all["notes"], serde_json::json!([]));
+    let gpu = said(&works, "all --backend gpu")["notes"].to_string();
+    assert!(gpu.contains("'oidn' chooses its device itself; the expert 'filter' stays"), "{gpu}");
+    for file in ["text.so", "gone.so"] {
+        let without = said(file, "all");
+        assert_eq!(without["experts"], said("", "lane,filter")["experts"]);
+        let notes = without["notes"].to_string();
+        assert!(notes.contains("'oidn' takes no part") && notes.contains(file), "{notes}");
+        let gpu = said(file, "all --backend gpu")["notes"].to_string();
+        assert!(
+            gpu.contains("nothing of 'auto' runs on a GPU") && !gpu.contains("chooses"),
+            "{gpu}"
+        );
+    }
+    bench.refuses("transform s.exr --experts all,filter", &["'filter'", "twice"]);
 }
 
 /// Pictures of one pixel, of one row, and of one column.

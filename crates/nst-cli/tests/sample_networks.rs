@@ -277,6 +277,7 @@ fn bad_input() {
     for (options, words) in [
         ("--experts lane,small,small", ["'small'", "twice"]),
         ("--experts small", ["'lane'", "add it to the list"]),
+        ("--experts filter,small", ["'lane'", "add it to the list"]),
         ("--experts lane,tiny", ["no expert 'tiny'", "nano, small, base"]),
         (
             "--experts lane,nano,small,base,step-samples,families-samples,gaussian-samples",

@@ -22,7 +22,8 @@ pub(crate) struct MethodArgs {
     /// The experts that `auto` may trust: `lane`, which are three that learn from the picture
     /// itself; `filter` and `oidn` (Open Image Denoise, if it is found), which look at neighbours; and
     /// networks that see the samples, by their names (such as `small`) or their safetensors files.
-    /// [default: lane]
+    /// `all` stands for `lane,filter`, and for `oidn` where it can be loaded: networks have added
+    /// nothing to these. [default: lane]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = expert, conflicts_with = "weights")]
     pub(crate) experts: Vec<ExpertArg>,
     /// Use the network of this safetensors file.
@@ -64,6 +65,8 @@ pub(crate) enum TransformArg {
 /// What the guard may blend.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum ExpertArg {
+    /// The next three, as far as they can run here.
+    All,
     /// The guard's own, which learn from the lanes of the batch.
     Lane,
     /// The statistical filter.
@@ -91,6 +94,7 @@ impl ExpertArg {
 impl fmt::Display for ExpertArg {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::All => f.write_str(ALL),
             Self::Lane => f.write_str(LANE),
             Self::Filter => f.write_str(FILTER),
             Self::Oidn => f.write_str(oidn::NAME),
@@ -107,6 +111,9 @@ impl MethodArgs {
     }
 }
 
+/// What the experts together are called that need no file.
+const ALL: &str = "all";
+
 /// What the guard's own experts are called.
 const LANE: &str = "lane";
 
@@ -117,6 +124,7 @@ pub(crate) const FILTER: &str = "filter";
 pub(super) fn expert(text: &str) -> Result<ExpertArg, String> {
     let path = Path::new(text);
     match TransformArg::named(text) {
+        _ if text == ALL => Ok(ExpertArg::All),
         _ if text == LANE => Ok(ExpertArg::Lane),
         _ if text == FILTER => Ok(ExpertArg::Filter),
         _ if text == oidn::NAME => Ok(ExpertArg::Oidn),
@@ -127,7 +135,7 @@ pub(super) fn expert(text: &str) -> Result<ExpertArg, String> {
             let networks: Vec<_> = SampleNetwork::builtins().collect();
             Err(format!(
                 "there is no expert '{text}'; there are {LANE}, which are the guard's own, {FILTER}, \
-                 {}, {}, or FILE.safetensors",
+                 {}, {ALL} of these, {}, or FILE.safetensors",
                 oidn::NAME,
                 networks.join(", ")
             ))

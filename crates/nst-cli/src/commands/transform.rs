@@ -13,7 +13,7 @@ use crate::{
     adapter::caught,
     args::TransformArgs,
     error::Error,
-    method::{BLIND, Method},
+    method::Method,
     progress::Progress,
     summary::{Outcome, Stopwatch, Summary, TimedStrips, timed},
 };
@@ -29,11 +29,7 @@ pub(super) fn run(args: &TransformArgs) -> Result<Summary, Error> {
     );
     method.check_terms(info.sample_counts.len(), &advice)?;
     let mut notes: Vec<String> = method.check_statistics(&info.sides)?.into_iter().collect();
-    notes.extend(method.note(&args.method));
-    let features = info.sides.iter().any(|side| side.is_feature() && side.is_of_fold());
-    if method.transform.requires().reads_features() && !features {
-        notes.push(BLIND.to_owned());
-    }
+    notes.extend(method.notes(&args.method, &info.sides));
     reader = reader.with_least_strip_rows(method.transform.requires().least_rows());
 
     let mut outputs = Outputs::of_inputs([&args.sequence].into_iter().chain(args.method.files()));

@@ -26,7 +26,7 @@ use crate::{
     commands::picture_files::{PictureFiles, header, is_shown},
     error::Error,
     interrupt,
-    method::{BLIND, Method},
+    method::Method,
     progress::Progress,
     report::{Done, say},
     summary::{Outcome, RenderStats, Stopwatch, timed},
@@ -62,11 +62,11 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
         },
         Some(resumed) => resumed.settings(args, &job.scene, &job.fingerprint, &method)?,
     };
-    let of_sums = Side::of_sums(settings.spp).cloned();
-    let sides: Vec<Side> = of_sums.chain(settings.powers.sides()).collect();
+    let features = Side::of_features(settings.spp).filter(|_| settings.features);
+    let kept = Side::of_sums(settings.spp).chain(features).cloned();
+    let sides: Vec<Side> = kept.chain(settings.powers.sides()).collect();
     let lacking = method.check_statistics(&sides)?;
     let lost = resumed.as_ref().and_then(Resumed::loss);
-    let blind = (needs.reads_features() && !settings.features).then(|| BLIND.to_owned());
     // Opened before rendering, so that a path that cannot be written fails early.
     let files = Files::open(&job, resumed.as_ref())?;
 
@@ -76,8 +76,8 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     if let Some(start) = &start {
         say(&format!("resumed    from {} spp", start.samples), &args.common);
     }
-    let notes =
-        lacking.into_iter().chain(lost).chain(blind).chain(method.note(&args.method)).collect();
+    let of_method = method.notes(&args.method, &sides);
+    let notes = lacking.into_iter().chain(lost).chain(of_method).collect();
     job.render(watch, method, &settings, files, start, notes)
 }
 

@@ -239,6 +239,11 @@ impl Methods {
 
 /// The guard over these experts, and what a table calls it.
 fn named_by(experts: &[ExpertArg]) -> Result<(String, Choice), Error> {
+    if experts.contains(&ExpertArg::All) {
+        let why = "--experts all: a table says which experts took part; name them, as in \
+                   lane,filter,oidn";
+        return Err(Error::Usage(why.into()));
+    }
     let names: Vec<String> = experts.iter().map(ToString::to_string).collect();
     let name = format!("{}: {}", TransformArg::Auto.name(), names.join(" + "));
     check_name(&name).map_err(|why| Error::Usage(format!("--experts: {why}")))?;
