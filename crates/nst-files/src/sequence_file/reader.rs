@@ -1,6 +1,6 @@
 //! Reads sequence files row by row.
 
-use std::{borrow::Cow, path::Path};
+use std::{borrow::Cow, ops::Range, path::Path};
 
 use ndarray::Array2;
 use nst_core::{FOLDS, FurtherPowers, Grid, LaneSums, SampleSums, SequenceBatch, Side, Strips};
@@ -129,8 +129,11 @@ impl SequenceReader {
 
     /// The next strip; `None` after the last.
     pub(super) fn next_with_sums(&mut self) -> Result<Option<StripWithSums>, Error> {
-        let Some((rows, grid)) = self.next_rows()? else { return Ok(None) };
-        let batch = self.batch(&rows, grid)?;
+        let Some((outer, grid)) = self.next_range()? else { return Ok(None) };
+        let rows = self.rows.read(outer)?;
+        let mut planes = self.planes(grid);
+        planes.copy(&rows, 0);
+        let batch = self.batch(planes)?;
         if self.state.is_empty() {
             return Ok(Some((batch, None)));
         }
@@ -145,8 +148,8 @@ impl SequenceReader {
         Ok(Some((batch, Some(SampleSums { lanes, features, powers }))))
     }
 
-    /// Reads the rows of the next strip, and those of its halo.
-    fn next_rows(&mut self) -> Result<Option<(Rows, Grid)>, Error> {
+    /// The rows of the next strip and of its halo.
+    fn next_range(&mut self) -> Result<Option<(Range<u32>, Grid)>, Error> {
         let [width, height] = self.info.size;
         if self.next == height {
             return Ok(None);
@@ -157,29 +160,53 @@ impl SequenceReader {
         let channels = self.info.model.channels().len() as u32;
         let grid = Grid::new(width, outer.len() as u32, channels, outer.start)?
             .with_halo(inner.start - outer.start, outer.end - inner.end)?;
-        let rows = self.rows.read(outer)?;
         self.next = inner.end;
-        Ok(Some((rows, grid)))
+        Ok(Some((outer, grid)))
     }
 
-    fn batch(&self, rows: &Rows, grid: Grid) -> Result<SequenceBatch, Error> {
-        let copy = |channels: &[usize]| {
-            let mut values = vec![0.0_f32; channels.len() * grid.pixels()];
-            values
-                .par_chunks_exact_mut(grid.pixels())
-                .zip(channels)
-                .for_each(|(image, &channel)| rows.copy(channel, bytemuck::cast_slice_mut(image)));
-            values
-        };
+    /// What is read of a strip, to be filled.
+    fn planes(&self, grid: Grid) -> Planes {
+        let layers = [&self.terms].into_iter().chain(&self.sides).cloned();
+        let empty = |channels: Vec<usize>| (vec![0.0; channels.len() * grid.pixels()], channels);
+        Planes { layers: layers.map(empty).collect(), grid }
+    }
+
+    fn batch(&self, planes: Planes) -> Result<SequenceBatch, Error> {
+        let Planes { layers, grid } = planes;
+        let mut layers = layers.into_iter().map(|(values, _)| values);
         let shape = (self.info.sample_counts.len(), grid.lanes());
-        let terms = Array2::from_shape_vec(shape, copy(&self.terms))
+        let terms = Array2::from_shape_vec(shape, layers.next().unwrap_or_default())
             .map_err(|error| Error::Mismatch(error.to_string()))?;
         let mut batch = SequenceBatch::new(terms, self.info.sample_counts.clone())?;
         batch.set_grid(grid)?;
-        for (side, channels) in self.info.sides.iter().zip(&self.sides) {
-            batch.set_side(side.clone(), copy(channels))?;
+        for (side, values) in self.info.sides.iter().zip(layers) {
+            batch.set_side(side.clone(), values)?;
         }
         Ok(batch)
+    }
+}
+
+/// Blocks that are decompressed together, for each thread.
+const BLOCKS_AT_ONCE: u32 = 4;
+
+/// Values of a strip.
+struct Planes {
+    /// Of the terms, then of each side channel, `[channel][pixel]`, and the channels of the file.
+    layers: Vec<(Vec<f32>, Vec<usize>)>,
+    grid: Grid,
+}
+
+impl Planes {
+    /// Takes rows that were read, of which the first is this one of the strip.
+    fn copy(&mut self, rows: &Rows, first: usize) {
+        let start = first * self.grid.width();
+        for (values, channels) in &mut self.layers {
+            let images = values.par_chunks_exact_mut(self.grid.pixels());
+            images.zip(channels).for_each(|(image, &mut channel)| {
+                let image = &mut image[start..][..rows.pixels()];
+                rows.copy(channel, bytemuck::cast_slice_mut(image));
+            });
+        }
     }
 }
 
@@ -211,8 +238,19 @@ impl Strips for SequenceReader {
     }
 
     fn next_strip(&mut self) -> Result<Option<Cow<'_, SequenceBatch>>, nst_core::Error> {
-        let Some((rows, grid)) = self.next_rows()? else { return Ok(None) };
-        Ok(Some(Cow::Owned(self.batch(&rows, grid)?)))
+        let Some((outer, grid)) = self.next_range()? else { return Ok(None) };
+        let mut planes = self.planes(grid);
+        // Where strips are tall, all that the file says of one would take far more memory.
+        let blocks = BLOCKS_AT_ONCE * rayon::current_num_threads() as u32;
+        let at_once = strip_rows(self.rows.row_bytes()).min(BLOCK_ROWS * blocks);
+        let mut start = outer.start;
+        while start < outer.end {
+            let end = outer.end.min((start / at_once + 1) * at_once);
+            let rows = self.rows.read(start..end)?;
+            planes.copy(&rows, (start - outer.start) as usize);
+            start = end;
+        }
+        Ok(Some(Cow::Owned(self.batch(planes)?)))
     }
 }
 
