@@ -1,5 +1,6 @@
 """Open Image Denoise, as Python's package brings it along: nst-oidn finds it, and gets the same bits of it
-as the package's own binding. The program is `crates/nst-oidn/examples/denoise.rs`."""
+as the package's own binding. The program is `crates/nst-oidn/examples/denoise.rs`. `nst` gets the same bits
+of bands of a picture as of the whole."""
 
 import os
 import subprocess
@@ -10,8 +11,8 @@ import numpy as np
 import pyoidn
 import pytest
 
-from conftest import REPOSITORY
-from readers import same_bits
+from conftest import REPOSITORY, Nst
+from readers import read_openexr, same_bits
 
 # No multiple of 16, by which the library pads.
 WIDTH, HEIGHT = 150, 101
@@ -112,6 +113,21 @@ def test_nan_is_refused_as_the_library_takes_it_for_black(
     code, says, ours = run(tmp_path, [color], VIRTUAL_ENV=sys.prefix)
     assert code == 1 and ours is None
     assert "color: 3 values are not finite, the first in column 5 of row 3" in says
+
+
+def test_bands_are_denoised_as_the_whole(nst: Nst, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The guard's expert gets some rows at a time: 224 of a rendering by one thread, and all of a small file.
+    What it looks at around them, and from where on, is what the library says."""
+    monkeypatch.setenv("OIDN_LIBRARY", str(PACKAGE))
+    monkeypatch.setenv("OIDN_DEFAULT_DEVICE", "cpu")
+    scene = REPOSITORY / "scenes" / "cornell" / "cornell.obj"
+    render = f"render --scene {scene} --size 40x600 --spp 8 --threads 1 --sequence s.exr"
+    nst(*render.split(), "--experts", "oidn", "-o", "bands.exr")
+    nst(*"transform s.exr --experts oidn -o whole.exr".split())
+    bands, whole = (read_openexr(tmp_path / name)[0] for name in ("bands.exr", "whole.exr"))
+    for channel in "RGB":
+        assert same_bits(bands[channel], whole[channel])
+        assert not same_bits(bands[channel], bands[f"S.{channel}"])
 
 
 def test_errors_of_the_library_are_passed_on(tmp_path: Path) -> None:
