@@ -11,7 +11,7 @@ use crate::{
     args::{BackendArg, CommonArgs, ExpertArg},
     error::Error,
     networks::{builtin, builtin_of_samples, network_of},
-    oidn::Oidn,
+    oidn::{self, Oidn},
     report::warn,
     samples::evaluated,
 };
@@ -82,6 +82,8 @@ pub(crate) fn guard(
         let judgement = Judgement { ratio: 1.0, interval: [1.0; 2], notes, ..Judgement::default() };
         return Ok(guarded(Box::new(Kept(judgement))));
     }
+    // The last one tells brightness, and denoisers leave less noise than filters.
+    of_pictures.sort_by_key(|expert| expert.name() == oidn::NAME);
     if of_pictures.is_empty() {
         return Ok(guarded(Box::new(guard)));
     }

@@ -22,7 +22,7 @@ pub(super) const KNOTS: usize = BRIGHTNESS.knots();
 pub(super) const HALVES: usize = 2;
 
 /// The least width and height of a cell, in pixels.
-const LEAST_SIZE: usize = 4;
+const LEAST_SIZE: usize = 8;
 
 /// The most cells: of large pictures, cells are larger.
 const MOST_CELLS: usize = 1 << 16;

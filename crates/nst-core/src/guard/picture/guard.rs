@@ -21,9 +21,6 @@ use crate::{Error, Fitted, Requirements, Side, Strips, Support, Transform};
 /// a pixel sees several surfaces.
 const FEATURES: &[Side] = Side::FEATURES.split_at(4).1;
 
-/// How far experts look, in rows, so that strips of usual heights are worth their halo.
-const FAR: u32 = 32;
-
 /// Blends the plain estimate with experts that look at neighbours, and with the [`Guard`] of
 /// lanes, as far as samples that were held out support it. Without a [`Grid`](crate::Grid), it
 /// is that guard alone.
@@ -38,7 +35,8 @@ impl PictureGuard {
     /// The most experts that look at neighbours.
     pub const MOST_EXPERTS: usize = MOST - 1;
 
-    /// A guard over these experts and the blend of a guard of lanes.
+    /// A guard over these experts and the blend of a guard of lanes. The last expert is also the
+    /// one by which brightness is told: that which leaves the least noise.
     ///
     /// # Errors
     /// [`Error::Batch`] if there are too many.
@@ -67,12 +65,6 @@ impl PictureGuard {
         halos.max().unwrap_or(0)
     }
 
-    /// How many views of a strip are made one after the other: where experts look far, strips are
-    /// tall, and what each view takes is much.
-    fn views_in_turn(&self) -> usize {
-        if self.halo() > FAR { GROUPS + 1 } else { 1 }
-    }
-
     /// Measures the experts on all strips: sums of each layer, or the expert that failed.
     fn measure(
         &self,
@@ -84,8 +76,7 @@ impl PictureGuard {
         strips.rewind(self.halo())?;
         while let Some(batch) = strips.next_strip()? {
             let strip = Strip::new(&batch).expect("the guard of lanes has seen folds and a grid");
-            let views = (0..GROUPS + 1).into_par_iter().with_min_len(self.views_in_turn());
-            let views = views.map(|group| panel.look(&strip, group));
+            let views = (0..=GROUPS).into_par_iter().map(|group| panel.look(&strip, group));
             let views = match views.collect::<Result<Vec<_>, _>>() {
                 Ok(views) => views,
                 Err(failure) => return Ok(Err(failure)),

@@ -65,7 +65,7 @@ impl Panel<'_> {
     }
 
     /// What the experts change in a layer, after what the first ones do, and where its brightness
-    /// lies by what the first that looks at neighbours says.
+    /// lies by what the last one says.
     fn estimate(
         &self,
         strip: &Strip<'_>,
@@ -79,7 +79,6 @@ impl Panel<'_> {
         let (samples, unit) = (layers.samples, self.unit);
         let seen = SeenPicture { grid, samples, unit, mean, root, albedo, normal };
         let mean = grid.inner(mean);
-        let of_lane = changes.len();
         for (expert, it) in self.experts.iter().enumerate() {
             if number == EMITTED && !it.estimates_emission() {
                 continue;
@@ -89,7 +88,7 @@ impl Panel<'_> {
             to_changes(&mut estimates, &mean);
             changes.push(estimates);
         }
-        let places = self.places(&mean, changes.get(of_lane).or(changes.first()), grid.channels());
+        let places = self.places(&mean, changes.last(), grid.channels());
         Ok((changes, places))
     }
 

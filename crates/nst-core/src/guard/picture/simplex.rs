@@ -54,6 +54,19 @@ impl Moments {
         (0..MOST).map(|i| w[i] * (of_a[i] - 2.0 * self.b[i])).sum()
     }
 
+    /// Those of two blends by these weights, as if they were experts.
+    pub(super) fn of_blends(&self, blends: &[[f64; MOST]; 2]) -> Self {
+        let mut moments = Self::default();
+        for (i, w) in blends.iter().enumerate() {
+            let of_a = self.times(w);
+            for (j, other) in blends[..=i].iter().enumerate() {
+                moments.a[place(i, j)] = of_a.iter().zip(other).map(|(a, w)| a * w).sum();
+            }
+            moments.b[i] = self.b.iter().zip(w).map(|(b, w)| b * w).sum();
+        }
+        moments
+    }
+
     /// The sum of the diagonal of A.
     pub(super) fn trace(&self) -> f64 {
         (0..MOST).map(|i| self.a[place(i, i)]).sum()

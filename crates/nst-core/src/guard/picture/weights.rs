@@ -1,25 +1,21 @@
 //! How far each expert is trusted, cell by cell, and what that gains.
+//!
+//! What is near fits best where experts differ from place to place, and what the whole picture
+//! says at a brightness has less noise. Weights of both kinds are blended in turn, by brightness,
+//! as each half of the chessboard judges those that were fitted to the other (stacking: Wolpert,
+//! *Stacked Generalization*, Neural Networks 1992). Where neither helps, S stays.
 
 use rayon::prelude::*;
 
 use super::{
     super::hats::Place,
     cells::{Cells, Division, HALVES, KNOTS, Sums},
+    near::{Near, of_all, over_brightness},
     simplex::{MOST, Moments},
 };
 
-/// σ of the distance, in pixels, up to which lanes are alike.
-const DISTANCE: f64 = 4.0;
-
-/// σ of the brightness, in knots: of what is near, and of the whole picture.
-const BRIGHTNESS: f64 = 0.7;
-const BRIGHTNESS_OF_ALL: f64 = 1.0;
-
 /// The weight of the whole picture at the same brightness, relative to what is near.
 const OF_ALL: f64 = 0.05;
-
-/// What is not near contributes less than this: exp(−x²/2) at three σ.
-const REACH: f64 = 3.0;
 
 /// The least variance of T in a cell, relative to that of S: what sums say below is noise.
 const LEAST_ERROR: f64 = 0.05;
@@ -44,44 +40,37 @@ pub(super) struct Gain {
     pub(super) trust: [f64; MOST],
 }
 
-/// What one row of cells yields.
-struct Row {
-    weights: Vec<[f32; MOST]>,
-    errors: Vec<[f32; 2]>,
-    /// δ and the variance, by cell.
-    gains: Vec<[f64; 2]>,
-    /// Sums of the experts' weights, and the count.
-    trust: [f64; MOST],
-    count: f64,
-}
+/// Weights fitted to a half of the whole picture, with its sums, `[half][knot]`.
+type Whole = [[(Moments, [f64; MOST]); KNOTS]; HALVES];
 
-/// Shares of the neighbours in a row, from −reach to reach; they add up to 1.
-fn gaussian(sigma: f64) -> Vec<f64> {
-    let reach = (REACH * sigma).ceil() as i32;
-    let weights = (-reach..=reach).map(|i| (-0.5 * (f64::from(i) / sigma).powi(2)).exp());
-    let weights: Vec<f64> = weights.collect();
-    let sum: f64 = weights.iter().sum();
-    weights.into_iter().map(|weight| weight / sum).collect()
-}
+/// Weights of a cell, learnt from a half, `[half][knot]`.
+type OfCell = [[[f64; MOST]; KNOTS]; HALVES];
 
 impl Weights {
     /// Fits weights of the first `count` experts to what one half says, and judges them by the
-    /// other. Where that says that they lose, S stays.
+    /// other.
     pub(super) fn fit(cells: &Cells, count: usize) -> (Self, Gain) {
         let division = cells.division;
-        let of_all = of_all(cells, count);
+        let whole: Whole = of_all(cells)
+            .map(|half| half.map(|sums| (sums.moments, sums.moments.best_weights(count))));
         let near = Near::new(cells);
+        let own = |row: usize| &cells.sums[row * division.of_row()..][..division.of_row()];
+        let fits: Vec<RowFit> = (0..division.down)
+            .into_par_iter()
+            .map_init(Vec::new, |buffer, row| {
+                near.row(row, buffer);
+                RowFit::new(own(row), buffer, &whole, count)
+            })
+            .collect();
+        let shares = Shares::new(&fits);
         let rows: Vec<Row> = (0..division.down)
             .into_par_iter()
             .map_init(Vec::new, |buffer, row| {
                 near.row(row, buffer);
-                Row::new(&cells.sums[row * division.of_row()..], &*buffer, &of_all, division, count)
+                Row::new(own(row), buffer, &fits[row].weights, &whole, &shares)
             })
             .collect();
         let gain = Gain::new(&rows, division);
-        if gain.blocks.iter().map(|block| block[0]).sum::<f64>() > 0.0 {
-            return Self::fit(cells, 0);
-        }
         let (mut weights, mut errors) = (Vec::new(), Vec::new());
         for row in rows {
             weights.extend(row.weights);
@@ -119,117 +108,131 @@ impl Weights {
     }
 }
 
-/// The sums of the whole picture with weights fitted to them, `[half][knot]`.
-type OfAll = [[(Moments, [f64; MOST]); KNOTS]; HALVES];
-
-/// Sums of the whole picture, as means over its cells.
-fn of_all(cells: &Cells, count: usize) -> OfAll {
-    let mut all = [[Sums::default(); KNOTS]; HALVES];
-    for cell in cells.sums.chunks_exact(HALVES * KNOTS) {
-        for (sum, sums) in all.as_flattened_mut().iter_mut().zip(cell) {
-            sum.add(sums, 1.0);
-        }
-    }
-    let kernel = gaussian(BRIGHTNESS_OF_ALL);
-    let cells = (cells.division.across * cells.division.down) as f64;
-    all.map(|of_half| {
-        let mut smooth = [Sums::default(); KNOTS];
-        along(&kernel, &of_half, &mut smooth);
-        smooth.map(|sums| {
-            let mut mean = Sums::default();
-            mean.add(&sums, 1.0 / cells);
-            (mean.moments, sums.moments.best_weights(count))
-        })
-    })
+/// Weights by what is near, of a row of cells.
+struct RowFit {
+    /// `[column]`
+    weights: Vec<OfCell>,
+    /// Both kinds of weights as experts, by what a half says of those fitted to the other.
+    kinds: [[Sums; KNOTS]; HALVES],
 }
 
-/// Smooths sums over their knots; what falls beyond the ends is lost.
-fn along(kernel: &[f64], from: &[Sums], to: &mut [Sums]) {
-    let reach = kernel.len() / 2;
-    for (i, from) in from.iter().enumerate().filter(|(_, sums)| !sums.is_empty()) {
-        for (k, share) in kernel.iter().enumerate() {
-            if let Some(sums) = (i + k).checked_sub(reach).and_then(|i| to.get_mut(i)) {
-                sums.add(from, *share);
+/// Shares of the weights of both kinds, and 0, `[knot]`.
+type OfKinds = [[f64; MOST]; KNOTS];
+
+/// How weights of both kinds are blended.
+struct Shares {
+    /// By what both halves say of the weights fitted to the other.
+    both: OfKinds,
+    /// By what this half alone says, `[half]`. Weights learnt from a half with shares that it
+    /// said are judged by the other: the shares of both halves have seen what judges them.
+    one: [OfKinds; HALVES],
+}
+
+impl RowFit {
+    /// To the sums near a row of cells; `own` are those of the cells themselves.
+    fn new(own: &[Sums], near: &[Sums], whole: &Whole, count: usize) -> Self {
+        let columns = near.len() / (HALVES * KNOTS);
+        let mut row = Self { weights: Vec::with_capacity(columns), kinds: Default::default() };
+        for column in 0..columns {
+            let mut weights = OfCell::default();
+            for half in 0..HALVES {
+                for knot in 0..KNOTS {
+                    let near = &near[Division::place(column, half, knot)];
+                    weights[half][knot] = best(near, &whole[half][knot], count);
+                }
             }
+            for half in 0..HALVES {
+                for (knot, kinds) in row.kinds[half].iter_mut().enumerate() {
+                    let own = &own[Division::place(column, half, knot)];
+                    if !own.is_empty() {
+                        let of_kinds = [weights[1 - half][knot], whole[1 - half][knot].1];
+                        let moments = own.moments.of_blends(&of_kinds);
+                        kinds.add(&Sums { moments, ..*own }, 1.0);
+                    }
+                }
+            }
+            row.weights.push(weights);
         }
+        row
     }
 }
 
-/// Sums over what is near each cell.
-struct Near<'a> {
-    cells: &'a Cells,
-    of_distance: Vec<f64>,
-    of_brightness: Vec<f64>,
+impl Shares {
+    fn new(fits: &[RowFit]) -> Self {
+        let mut kinds = [[Sums::default(); KNOTS]; HALVES];
+        for fit in fits {
+            let sums = kinds.as_flattened_mut().iter_mut().zip(fit.kinds.as_flattened());
+            sums.for_each(|(sum, of_row)| sum.add(of_row, 1.0));
+        }
+        let best = |sums| over_brightness(sums).map(|sums| sums.moments.best_weights(2));
+        let one = kinds.each_ref().map(best);
+        let [mut both, other] = kinds;
+        both.iter_mut().zip(&other).for_each(|(sum, other)| sum.add(other, 1.0));
+        Self { both: best(&both), one }
+    }
 }
 
-impl<'a> Near<'a> {
-    fn new(cells: &'a Cells) -> Self {
-        let of_distance = gaussian(DISTANCE / cells.division.size as f64);
-        Self { cells, of_distance, of_brightness: gaussian(BRIGHTNESS) }
+/// The weights of a cell, of those near it and those of the whole picture.
+fn blended(near: &OfCell, whole: &Whole, shares: [&OfKinds; HALVES]) -> OfCell {
+    let mut blend = OfCell::default();
+    for half in 0..HALVES {
+        for (knot, weights) in blend[half].iter_mut().enumerate() {
+            let [of_near, of_all, ..] = shares[half][knot];
+            let pairs = near[half][knot].iter().zip(&whole[half][knot].1);
+            weights
+                .iter_mut()
+                .zip(pairs)
+                .for_each(|(w, (near, all))| *w = of_near * near + of_all * all);
+        }
     }
+    blend
+}
 
-    /// Writes the sums of a row of cells, `[column][half][knot]`.
-    fn row(&self, row: usize, out: &mut Vec<Sums>) {
-        let Division { across, down, .. } = self.cells.division;
-        let (of_row, of_cell) = (self.cells.division.of_row(), HALVES * KNOTS);
-        let reach = self.of_distance.len() / 2;
-        let clamp = |i: usize, k: usize, count: usize| (i + k).saturating_sub(reach).min(count - 1);
-        let mut rows = vec![Sums::default(); of_row];
-        for (k, share) in self.of_distance.iter().enumerate() {
-            let from = &self.cells.sums[clamp(row, k, down) * of_row..][..of_row];
-            let sums = rows.iter_mut().zip(from).filter(|(_, from)| !from.is_empty());
-            sums.for_each(|(sum, from)| sum.add(from, *share));
-        }
-        out.clear();
-        out.resize(of_row, Sums::default());
-        let mut cell = vec![Sums::default(); of_cell];
-        for (column, out) in out.chunks_exact_mut(of_cell).enumerate() {
-            cell.fill(Sums::default());
-            for (k, share) in self.of_distance.iter().enumerate() {
-                let from = &rows[clamp(column, k, across) * of_cell..][..of_cell];
-                let sums = cell.iter_mut().zip(from).filter(|(_, from)| !from.is_empty());
-                sums.for_each(|(sum, from)| sum.add(from, *share));
-            }
-            for (from, to) in cell.chunks_exact(KNOTS).zip(out.chunks_exact_mut(KNOTS)) {
-                along(&self.of_brightness, from, to);
-            }
-        }
-    }
+/// What one row of cells yields.
+struct Row {
+    weights: Vec<[f32; MOST]>,
+    errors: Vec<[f32; 2]>,
+    /// δ and the variance, by cell.
+    gains: Vec<[f64; 2]>,
+    /// Sums of the experts' weights, and the count.
+    trust: [f64; MOST],
+    count: f64,
 }
 
 impl Row {
     /// Of the sums of a row of cells themselves, and near them.
-    fn new(own: &[Sums], near: &[Sums], of_all: &OfAll, division: Division, count: usize) -> Self {
+    fn new(own: &[Sums], near: &[Sums], fitted: &[OfCell], whole: &Whole, shares: &Shares) -> Self {
         let mut row = Self {
-            weights: Vec::with_capacity(division.of_row()),
-            errors: Vec::with_capacity(division.across * KNOTS),
-            gains: Vec::with_capacity(division.across),
+            weights: Vec::with_capacity(near.len()),
+            errors: Vec::with_capacity(fitted.len() * KNOTS),
+            gains: Vec::with_capacity(fitted.len()),
             trust: [0.0; MOST],
             count: 0.0,
         };
-        for column in 0..division.across {
-            let mut weights = [[[0.0; MOST]; KNOTS]; HALVES];
-            for half in 0..HALVES {
-                for knot in 0..KNOTS {
-                    let near = &near[Division::place(column, half, knot)];
-                    weights[half][knot] = best(near, &of_all[half][knot], count);
-                }
-            }
+        for (column, fitted) in fitted.iter().enumerate() {
+            let weights = blended(fitted, whole, [&shares.both; HALVES]);
             let single = |w: [f64; MOST]| w.map(|w| w as f32);
             row.weights.extend(weights.as_flattened().iter().copied().map(single));
+            row.count(own, &weights, column);
+            let weights = blended(fitted, whole, shares.one.each_ref());
             row.judge(own, near, &weights, column);
         }
         row
     }
 
+    /// Counts the lanes that weights are for.
+    fn count(&mut self, own: &[Sums], weights: &OfCell, column: usize) {
+        for half in 0..HALVES {
+            for (knot, w) in weights[1 - half].iter().enumerate() {
+                let count = own[Division::place(column, half, knot)].count;
+                self.trust.iter_mut().zip(w).for_each(|(sum, w)| *sum += count * w);
+                self.count += count;
+            }
+        }
+    }
+
     /// Judges weights by the half that they were not fitted to.
-    fn judge(
-        &mut self,
-        own: &[Sums],
-        near: &[Sums],
-        weights: &[[[f64; MOST]; KNOTS]; HALVES],
-        column: usize,
-    ) {
+    fn judge(&mut self, own: &[Sums], near: &[Sums], weights: &OfCell, column: usize) {
         let mut gain = [0.0; 2];
         for knot in 0..KNOTS {
             let mut error = [0.0; 2];
@@ -239,8 +242,6 @@ impl Row {
                 let (own, near) = (&own[place], &near[place]);
                 gain[0] += own.moments.change(w);
                 gain[1] += own.variance;
-                self.trust.iter_mut().zip(w).for_each(|(sum, w)| *sum += own.count * w);
-                self.count += own.count;
                 let change = near.moments.change(w);
                 error[0] += (near.variance + change).max(LEAST_ERROR * near.variance);
                 error[1] += near.count;
@@ -305,10 +306,11 @@ mod tests {
         let place = super::super::cells::BRIGHTNESS.place(-0.1);
         let (weights, gain) = Weights::fit(&cells([0.5, 0.25]), 1);
         let of = |half: usize| f64::from(weights.at(13, 22, half, place).0[0]);
-        // The ridge takes a ten-thousandth off.
-        assert!((of(0) - 0.25).abs() < 1e-3 && (of(1) - 0.5).abs() < 1e-3);
-        // w² − 2 w b of each half, 64 cells of 24 lanes.
-        let changes = 64.0 * 24.0 * (0.0625 - 0.25 + 0.25 - 0.25);
+        // Of 0.25 and 0.5, the share 0.8 is best for both. The ridge takes a ten-thousandth off.
+        assert!((of(0) - 0.2).abs() < 1e-3 && (of(1) - 0.4).abs() < 1e-3);
+        // What is told is of all of 0.5, and of half of 0.25: w² − 2 w b of each half, 16 cells
+        // of 24 lanes.
+        let changes = 16.0 * 24.0 * (0.25 - 0.25 + 0.015625 - 0.125);
         let told: f64 = gain.blocks.iter().map(|block| block[0]).sum();
         assert!((told / changes - 1.0).abs() < 1e-3, "{told} {changes}");
         assert_eq!(gain.blocks.len(), 4);

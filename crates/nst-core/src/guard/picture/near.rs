@@ -1,0 +1,95 @@
+//! Sums smoothed over what is near in the picture, and over brightness.
+
+use super::cells::{Cells, Division, HALVES, KNOTS, Sums};
+
+/// σ of the distance, in pixels, up to which lanes are alike.
+const DISTANCE: f64 = 8.0;
+
+/// σ of the brightness, in knots: of what is near, and of the whole picture.
+const BRIGHTNESS: f64 = 0.7;
+const BRIGHTNESS_OF_ALL: f64 = 1.0;
+
+/// What is not near contributes less than this: exp(−x²/2) at three σ.
+const REACH: f64 = 3.0;
+
+/// Shares of the neighbours in a row, from −reach to reach; they add up to 1.
+fn gaussian(sigma: f64) -> Vec<f64> {
+    let reach = (REACH * sigma).ceil() as i32;
+    let weights = (-reach..=reach).map(|i| (-0.5 * (f64::from(i) / sigma).powi(2)).exp());
+    let weights: Vec<f64> = weights.collect();
+    let sum: f64 = weights.iter().sum();
+    weights.into_iter().map(|weight| weight / sum).collect()
+}
+
+/// The sums of the whole picture, as means over its cells, `[half][knot]`.
+pub(super) fn of_all(cells: &Cells) -> [[Sums; KNOTS]; HALVES] {
+    let mut all = [[Sums::default(); KNOTS]; HALVES];
+    let share = 1.0 / (cells.division.across * cells.division.down) as f64;
+    for cell in cells.sums.chunks_exact(HALVES * KNOTS) {
+        for (sum, sums) in all.as_flattened_mut().iter_mut().zip(cell) {
+            sum.add(sums, share);
+        }
+    }
+    all.map(|of_half| over_brightness(&of_half))
+}
+
+/// The sums of the whole picture at each knot, smoothed.
+pub(super) fn over_brightness(sums: &[Sums; KNOTS]) -> [Sums; KNOTS] {
+    let mut smooth = [Sums::default(); KNOTS];
+    along(&gaussian(BRIGHTNESS_OF_ALL), sums, &mut smooth);
+    smooth
+}
+
+/// Smooths sums over their knots; what falls beyond the ends is lost.
+fn along(kernel: &[f64], from: &[Sums], to: &mut [Sums]) {
+    let reach = kernel.len() / 2;
+    for (i, from) in from.iter().enumerate().filter(|(_, sums)| !sums.is_empty()) {
+        for (k, share) in kernel.iter().enumerate() {
+            if let Some(sums) = (i + k).checked_sub(reach).and_then(|i| to.get_mut(i)) {
+                sums.add(from, *share);
+            }
+        }
+    }
+}
+
+/// Sums over what is near each cell.
+pub(super) struct Near<'a> {
+    cells: &'a Cells,
+    of_distance: Vec<f64>,
+    of_brightness: Vec<f64>,
+}
+
+impl<'a> Near<'a> {
+    pub(super) fn new(cells: &'a Cells) -> Self {
+        let of_distance = gaussian(DISTANCE / cells.division.size as f64);
+        Self { cells, of_distance, of_brightness: gaussian(BRIGHTNESS) }
+    }
+
+    /// Writes the sums of a row of cells, `[column][half][knot]`.
+    pub(super) fn row(&self, row: usize, out: &mut Vec<Sums>) {
+        let Division { across, down, .. } = self.cells.division;
+        let (of_row, of_cell) = (self.cells.division.of_row(), HALVES * KNOTS);
+        let reach = self.of_distance.len() / 2;
+        let clamp = |i: usize, k: usize, count: usize| (i + k).saturating_sub(reach).min(count - 1);
+        let mut rows = vec![Sums::default(); of_row];
+        for (k, share) in self.of_distance.iter().enumerate() {
+            let from = &self.cells.sums[clamp(row, k, down) * of_row..][..of_row];
+            let sums = rows.iter_mut().zip(from).filter(|(_, from)| !from.is_empty());
+            sums.for_each(|(sum, from)| sum.add(from, *share));
+        }
+        out.clear();
+        out.resize(of_row, Sums::default());
+        let mut cell = vec![Sums::default(); of_cell];
+        for (column, out) in out.chunks_exact_mut(of_cell).enumerate() {
+            cell.fill(Sums::default());
+            for (k, share) in self.of_distance.iter().enumerate() {
+                let from = &rows[clamp(column, k, across) * of_cell..][..of_cell];
+                let sums = cell.iter_mut().zip(from).filter(|(_, from)| !from.is_empty());
+                sums.for_each(|(sum, from)| sum.add(from, *share));
+            }
+            for (from, to) in cell.chunks_exact(KNOTS).zip(out.chunks_exact_mut(KNOTS)) {
+                along(&self.of_brightness, from, to);
+            }
+        }
+    }
+}
