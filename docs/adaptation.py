@@ -22,6 +22,7 @@ from pathlib import Path
 from statistics import fmean, geometric_mean
 
 import numpy as np
+from page import fill
 
 ROOT = Path(__file__).resolve().parent.parent
 NST = os.environ.get("NST", str(ROOT / "target" / "release" / "nst"))
@@ -241,18 +242,10 @@ def error_lines() -> list[str]:
     return lines
 
 
-def page(text: str) -> str:
+def blocks() -> dict[str, list[str]]:
     measured = Measured()
-    blocks = {sampler: measured.table(sampler) for sampler in COUNTS}
-    blocks |= {"predictions": measured.predictions(), "errors": error_lines()}
-    for name, lines in blocks.items():
-        begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
-        before, _, rest = text.partition(begin)
-        _, _, after = rest.partition(end)
-        if not after:
-            sys.exit(f"{PAGE}: lacks the block {name}")
-        text = before + begin + "\n".join(lines) + "\n" + end + after
-    return text
+    tables = {sampler: measured.table(sampler) for sampler in COUNTS}
+    return tables | {"predictions": measured.predictions(), "errors": error_lines()}
 
 
 def main(argv: list[str]) -> int:
@@ -261,13 +254,7 @@ def main(argv: list[str]) -> int:
     elif argv not in ([], ["--check"]):
         print(__doc__)
         return 2
-    old = PAGE.read_text(encoding="utf-8")
-    new = page(old)
-    if argv == ["--check"] and new != old:
-        print(f"{PAGE} differs from its tables; run {Path(__file__).name}", file=sys.stderr)
-        return 1
-    PAGE.write_text(new, encoding="utf-8")
-    return 0
+    return fill(PAGE, blocks(), __file__, check=argv == ["--check"])
 
 
 if __name__ == "__main__":

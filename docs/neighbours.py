@@ -1,15 +1,16 @@
 """Measures the guard with neighbours, `--transform auto`, on scenes with features.
 
-    python docs/neighbours.py            # prints the tables of docs/neighbours.csv
+    python docs/neighbours.py            # writes the tables of docs/neighbours.csv into docs/neighbours.md
+    python docs/neighbours.py --check    # compares instead; exit code 1 on a difference
     P="$(tools/python-env docs/requirements-neighbours.txt)"
     $P docs/neighbours.py --make         # first: references and sequences, below the user's cache folder
     $P docs/neighbours.py --measure [METHOD…]
 
 All goes on where it was cut off. `--set tuning` before these takes other scenes, by which parameters are
-chosen, and a table in the cache folder; `--scene NAME` takes one scene. The environment variable NST names
-the program, else it is target/release/nst; NST_CYCLES_PYTHON names the Python that has Blender's module (see
-tests/peers/requirements-cycles.txt), without which that scene is left out. Mitsuba needs LLVM 19, as
-tests/peers/README.md says.
+chosen, and a table in the cache folder, which is printed; `--scene NAME` takes one scene. The environment
+variable NST names the program, else it is target/release/nst; NST_CYCLES_PYTHON names the Python that has
+Blender's module (see tests/peers/requirements-cycles.txt), without which that scene is left out. Mitsuba
+needs LLVM 19, as tests/peers/README.md says.
 
 Errors are (x − R1)(x − R2) with two independent halves of a reference, so that its noise is no part of them;
 relMSE divides by R² + 0.01 with R = (R1 + R2)/2.
@@ -29,8 +30,11 @@ from itertools import product
 from pathlib import Path
 from statistics import fmean, geometric_mean
 
+from page import fill
+
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
+PAGE = DOCS / "neighbours.md"
 NST = os.environ.get("NST", str(ROOT / "target" / "release" / "nst"))
 CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "nst" / "neighbours"
 
@@ -206,23 +210,66 @@ def both(values: list[float]) -> str:
     return " / ".join(map(number, values))
 
 
-def tables(rows: list[dict[str, str]], scenes: list[str]) -> list[str]:
-    """MSE / relMSE: of each method over that of S, and a summary over all."""
-    data = Measured(rows)
-    methods = [name for name in METHODS if name != PLAIN and any(r["method"] == name for r in rows)]
-    places = [place for place in product(scenes, COUNTS) if not math.isnan(data.mean("mse", *place, PLAIN))]
+def known_places(data: Measured, scenes: list[str]) -> list[tuple[str, int]]:
+    return [place for place in product(scenes, COUNTS) if not math.isnan(data.mean("mse", *place, PLAIN))]
+
+
+def methods_of(rows: list[dict[str, str]]) -> list[str]:
+    return [name for name in METHODS if name != PLAIN and any(row["method"] == name for row in rows)]
+
+
+def ratios(rows: list[dict[str, str]], scenes: list[str]) -> list[str]:
+    """MSE / relMSE of each method over that of S."""
+    data, methods = Measured(rows), methods_of(rows)
     lines = [cells(["scene", "spp", *methods]), "|---" * (2 + len(methods)) + "|"]
-    for scene, spp in places:
-        ratios = [both([data.ratio(m, scene, spp, method, (PLAIN,)) for m in METRICS]) for method in methods]
-        lines.append(cells([f"`{scene}`", str(spp), *ratios]))
-    lines += ["", cells(["", *methods]), "|---" * (1 + len(methods)) + "|"]
+    for scene, spp in known_places(data, scenes):
+        of_methods = [[data.ratio(m, scene, spp, method, (PLAIN,)) for m in METRICS] for method in methods]
+        lines.append(cells([f"`{scene}`", str(spp), *map(both, of_methods)]))
+    return lines
+
+
+def summaries(rows: list[dict[str, str]], scenes: list[str]) -> list[str]:
+    data, methods = Measured(rows), methods_of(rows)
+    lines = [cells(["", *methods]), "|---" * (1 + len(methods)) + "|"]
     for name, to in {"S": (PLAIN,), "the smaller of S and OIDN": (PLAIN, OIDN)}.items():
         for spp in [*COUNTS, None]:
-            among = [place for place in places if spp in (None, place[1])]
+            among = [place for place in known_places(data, scenes) if spp in (None, place[1])]
             if among:
                 title = f"/ {name}, " + ("all" if spp is None else f"{spp} spp")
                 lines.append(cells([title, *(summary(data, among, method, to) for method in methods)]))
     return lines
+
+
+def predictions(rows: list[dict[str, str]]) -> list[str]:
+    """In how many renderings the interval of the prediction contains the true MSE ratio."""
+    plain = {(r["scene"], r["spp"], r["run"]): float(r["mse"]) for r in rows if r["method"] == PLAIN}
+    lines = [cells(["method", "renderings", "inside", "true ratio is larger", "smaller"]), "|---" * 5 + "|"]
+    for method in methods_of(rows):
+        told = [row for row in rows if row["method"] == method and row["predicted_low"]]
+        if not told:
+            continue
+        larger = smaller = 0
+        for row in told:
+            true = float(row["mse"]) / plain[row["scene"], row["spp"], row["run"]]
+            larger += true > float(row["predicted_high"])
+            smaller += true < float(row["predicted_low"])
+        inside = len(told) - larger - smaller
+        counts = [str(len(told)), f"{100 * inside / len(told):.1f} %", str(larger), str(smaller)]
+        lines.append(cells([f"`{method}`", *counts]))
+    return lines
+
+
+def show(chosen: str, scenes: list[str], check: bool) -> int:
+    rows = read(table_of(chosen))
+    blocks = {
+        "ratios": ratios(rows, scenes),
+        "summaries": summaries(rows, scenes),
+        "predictions": predictions(rows),
+    }
+    if chosen != "test":
+        print("\n\n".join("\n".join(lines) for lines in blocks.values()))
+        return 0
+    return fill(PAGE, blocks, __file__, check)
 
 
 def summary(data: Measured, places: list[tuple[str, int]], method: str, to: tuple[str, ...]) -> str:
@@ -240,6 +287,7 @@ def main() -> int:
     parser.add_argument("--scene", action="append", metavar="NAME")
     parser.add_argument("--make", action="store_true")
     parser.add_argument("--stages", type=int, default=len(STAGES), metavar="N", help="make only the first N")
+    parser.add_argument("--check", action="store_true")
     parser.add_argument("--measure", nargs="*", metavar="METHOD", help=", ".join(METHODS))
     args = parser.parse_args()
     known = SCENES[args.chosen]
@@ -251,7 +299,7 @@ def main() -> int:
     if args.measure is not None:
         measure(args.chosen, scenes, args.measure or list(METHODS))
     if not args.make and args.measure is None:
-        print("\n".join(tables(read(table_of(args.chosen)), scenes)))
+        return show(args.chosen, scenes, args.check)
     return 0
 
 
