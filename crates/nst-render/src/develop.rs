@@ -10,6 +10,7 @@ use nst_core::{
 use rayon::prelude::*;
 
 use crate::{
+    feature_planes::FeaturesView,
     settings::CHANNELS,
     slots::Slots,
     tiles::{TILE, Tile},
@@ -25,8 +26,8 @@ pub(crate) struct TileView<'a> {
     pub(crate) sums: Vec<&'a [LaneSums]>,
     /// `[slot][channel][pixel]`
     pub(crate) terms: Vec<&'a [f32]>,
-    /// `[pixel]`, if they are kept.
-    pub(crate) features: Option<&'a [FeatureSums]>,
+    /// If they are kept.
+    pub(crate) features: Option<FeaturesView<'a>>,
     /// Sums of further powers, `[power][channel][pixel]`.
     pub(crate) further: Vec<&'a [[f64; FOLDS]]>,
     pub(crate) skipped: &'a Skipped,
@@ -106,11 +107,12 @@ impl Strip<'_> {
 
     /// The sums of the features, `[pixel]`, if they are kept.
     fn feature_sums(&self) -> Option<Vec<FeatureSums>> {
-        self.tiles.first()?.features?;
+        self.tiles.first()?.features.as_ref()?;
         let mut sums = vec![FeatureSums::default(); self.lanes() / CHANNELS];
         self.fill(&mut [&mut sums[..]], |tile, _, pixels, out| {
-            let features = tile.features.unwrap_or_default();
-            out[0].copy_from_slice(&features[pixels]);
+            if let Some(features) = &tile.features {
+                features.write_sums(pixels, out[0]);
+            }
         });
         Some(sums)
     }
@@ -160,8 +162,9 @@ impl Strip<'_> {
         };
         let mut means = vec![0.0; channels * grid.pixels()];
         self.fill(&mut [&mut means[..]], |tile, channel, pixels, out| {
-            let features = &tile.features.unwrap_or_default()[pixels];
-            FeatureSums::write_side(features, side, channel, self.samples, out[0]);
+            if let Some(features) = &tile.features {
+                features.write_side(pixels, side, channel, self.samples, out[0]);
+            }
         });
         means
     }

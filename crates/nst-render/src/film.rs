@@ -2,13 +2,14 @@
 
 use std::{collections::BTreeMap, ops::Range};
 
-use nst_core::{FOLDS, FeatureSums, FurtherPowers, Grid, LaneSums, Power, SampleSums, Side};
+use nst_core::{FOLDS, FurtherPowers, Grid, LaneSums, Power, SampleSums, Side};
 
 use crate::{
     Error,
     develop::{Skipped, Strip, TileView},
+    feature_planes::{FeaturePlanes, TileFeatures},
     memory,
-    path::FeatureSample,
+    path::FeaturePacket,
     settings::{CHANNELS, RenderSettings, Start},
     slots::Slots,
     tiles::{self, Tile},
@@ -27,8 +28,8 @@ pub(crate) struct Film {
     terms: Vec<f32>,
     /// `[channel][pixel]`
     sums: Vec<LaneSums>,
-    /// `[pixel]`, if they are wanted.
-    features: Option<Vec<FeatureSums>>,
+    /// If they are wanted.
+    features: Option<FeaturePlanes>,
     pub(crate) powers: FurtherPowers,
     /// Their sums of each fold, `[power][channel][pixel]`.
     further: Vec<[f64; FOLDS]>,
@@ -52,7 +53,7 @@ impl Film {
         memory::check_memory(size, settings)?;
         let skipped = vec![Skipped::new(); tiles::tiles(size).count()];
         let needed = memory::needed(size, settings);
-        let features = settings.features.then(|| memory::zeros(grid.pixels(), needed));
+        let features = settings.features.then(|| FeaturePlanes::new(grid.pixels(), needed));
         Ok(Self {
             grid,
             size,
@@ -101,7 +102,7 @@ impl Film {
         }
         // Without its sums: `start` has them.
         let film = Self::new(settings, size)?;
-        let mut film = Self { sums: Vec::new(), features: None, further: Vec::new(), ..film };
+        let mut film = Self { sums: Vec::new(), further: Vec::new(), ..film };
         for (k, count) in counts.into_iter().enumerate() {
             for slot in film.slots.of(count, samples) {
                 film.terms[slot * lanes..][..lanes].copy_from_slice(batch.term(k));
@@ -120,10 +121,11 @@ impl Film {
         let mut further = powers.into_sums();
         tiles::to_tiles(&mut sums, size);
         tiles::to_tiles(&mut further, size);
-        if let Some(features) = &mut features {
+        if let (Some(planes), Some(features)) = (&mut film.features, &mut features) {
             tiles::to_tiles(features, size);
+            planes.fill(features);
         }
-        Ok(Self { samples, sums, features, further, ..film })
+        Ok(Self { samples, sums, further, ..film })
     }
 
     /// The tiles of the picture, each with its part of the film.
@@ -132,14 +134,14 @@ impl Film {
         let sums = tiles::split(self.sums.chunks_exact_mut(pixels), self.size);
         let terms = tiles::split(self.terms.chunks_exact_mut(pixels), self.size);
         let further = tiles::split(self.further.chunks_exact_mut(pixels), self.size);
-        let features = self.features.iter_mut().map(Vec::as_mut_slice);
-        let features = tiles::split(features, self.size);
+        let features = self.features.as_mut().map(|planes| planes.tiles(self.size));
+        let mut features = features.into_iter().flatten();
         let powers: Vec<Power> = self.powers.iter().collect();
-        let parts = sums.into_iter().zip(terms).zip(further).zip(features).zip(&mut self.skipped);
+        let parts = sums.into_iter().zip(terms).zip(further).zip(&mut self.skipped);
         tiles::tiles(self.size)
             .zip(parts)
-            .map(|(tile, ((((sums, terms), further), features), skipped))| {
-                let (powers, features) = (powers.clone(), features.into_iter().next());
+            .map(|(tile, (((sums, terms), further), skipped))| {
+                let (powers, features) = (powers.clone(), features.next());
                 (tile, TileFilm { slots, sums, terms, powers, further, features, skipped })
             })
             .collect()
@@ -155,7 +157,7 @@ impl Film {
             tile,
             sums: parts(&self.sums, self.grid.pixels(), &tile.place(width)),
             terms: parts(&self.terms, self.grid.pixels(), &tile.place(width)),
-            features: self.features.as_ref().map(|pixels| &pixels[tile.place(width)]),
+            features: self.features.as_ref().map(|planes| planes.view(&tile.place(width))),
             further: parts(&self.further, self.grid.pixels(), &tile.place(width)),
             skipped,
         };
@@ -187,8 +189,8 @@ pub(crate) struct TileFilm<'a> {
     sums: Vec<&'a mut [LaneSums]>,
     /// `[slot][channel][pixel]`
     terms: Vec<&'a mut [f32]>,
-    /// `[pixel]`, if they are wanted.
-    features: Option<&'a mut [FeatureSums]>,
+    /// If they are wanted.
+    features: Option<TileFeatures<'a>>,
     pub(crate) powers: Vec<Power>,
     /// `[power][channel][pixel]`
     further: Vec<&'a mut [[f64; FOLDS]]>,
@@ -201,7 +203,7 @@ impl TileFilm<'_> {
         let sums = self.sums.iter().map(|lanes| &**lanes).collect();
         let terms = self.terms.iter().map(|term| &**term).collect();
         let further = self.further.iter().map(|sums| &**sums).collect();
-        let features = self.features.as_deref();
+        let features = self.features.as_ref().map(TileFeatures::view);
         TileView { tile, sums, terms, further, features, skipped: self.skipped }
     }
 
@@ -215,7 +217,7 @@ impl TileFilm<'_> {
     pub(crate) fn clear(&mut self) {
         self.sums.iter_mut().for_each(|lanes| lanes.fill(LaneSums::default()));
         if let Some(features) = &mut self.features {
-            features.fill(FeatureSums::default());
+            features.clear();
         }
         self.further.iter_mut().for_each(|lanes| lanes.fill([0.0; FOLDS]));
     }
@@ -255,27 +257,11 @@ impl TileFilm<'_> {
         is_finite
     }
 
-    /// Adds the features of a sample to its pixel, if they are kept. `is_finite`: whether its
-    /// radiance is; if not, the camera sees no light directly, either.
-    #[inline]
-    pub(crate) fn add_features(
-        &mut self,
-        pixel: usize,
-        index: u32,
-        sample: &FeatureSample,
-        is_finite: bool,
-    ) {
-        let Some(features) = &mut self.features else { return };
-        let sums = &mut features[pixel];
-        let fold = index as usize % FOLDS;
-        let add = |sums: &mut [[f64; FOLDS]; 3], values: [f32; 3]| {
-            sums.iter_mut().zip(values).for_each(|(sums, value)| sums[fold] += f64::from(value));
-        };
-        add(&mut sums.albedo, sample.albedo.to_array());
-        add(&mut sums.normal, sample.normal.to_array());
-        sums.depth += f64::from(sample.depth);
-        if is_finite {
-            add(&mut sums.emission, sample.emission.to_array());
+    /// Adds the features of the samples with some indices of each pixel, `[pixel][index]`, if
+    /// they are kept.
+    pub(crate) fn add_features(&mut self, indices: Range<u32>, packets: &[FeaturePacket]) {
+        if let Some(features) = &mut self.features {
+            features.add(indices, packets);
         }
     }
 }
@@ -288,7 +274,7 @@ mod tests {
     use nst_core::Keep;
 
     use super::*;
-    use crate::{Rendering, SamplerKind};
+    use crate::{Rendering, SamplerKind, packet::PACKET, path::FeatureSample};
 
     fn settings(spp: u32) -> RenderSettings {
         RenderSettings {
@@ -313,16 +299,19 @@ mod tests {
     /// Adds some samples of all pixels, of which those of pixel (20, 3) are `odd`.
     fn expose(film: &mut Film, samples: std::ops::Range<u32>, odd: impl Fn(u32) -> f64) {
         for (tile, mut part) in film.tiles() {
-            for pixel in 0..tile.pixels() {
-                for index in samples.clone() {
-                    let value = match tile.pixel(pixel) {
-                        (20, 3) => odd(index),
-                        _ => f64::from(index),
-                    };
-                    let is_finite = part.add(pixel, index, [1.0, value, 2.0], samples.end);
-                    part.add_features(pixel, index, &SEEN, is_finite);
+            let mut seen = vec![FeaturePacket::of(&[SEEN; PACKET]); tile.pixels()];
+            let paths =
+                (0..tile.pixels()).flat_map(|i| samples.clone().map(move |index| (i, index)));
+            for (number, (pixel, index)) in paths.enumerate() {
+                let value = match tile.pixel(pixel) {
+                    (20, 3) => odd(index),
+                    _ => f64::from(index),
+                };
+                if !part.add(pixel, index, [1.0, value, 2.0], samples.end) {
+                    seen[number / PACKET].darken(number % PACKET);
                 }
             }
+            part.add_features(samples.clone(), &seen);
         }
         film.samples = samples.end;
     }

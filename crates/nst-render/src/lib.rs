@@ -17,6 +17,7 @@ mod develop;
 mod environment;
 mod error;
 mod estimate;
+mod feature_planes;
 mod film;
 mod instructions;
 mod light;

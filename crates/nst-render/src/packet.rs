@@ -34,6 +34,12 @@ impl Vec3s {
         self.z[i] = value.z;
     }
 
+    /// A coordinate of all of them: x, y or z.
+    #[inline(always)]
+    pub(crate) fn coordinate(&self, number: usize) -> &[f32; PACKET] {
+        [&self.x, &self.y, &self.z][number]
+    }
+
     /// The vectors from `first` on, as many as `F` has places for.
     #[inline(always)]
     pub(crate) fn load<F: Floats>(&self, proof: F::Proof, first: usize) -> Vec3x<F> {

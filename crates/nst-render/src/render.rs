@@ -16,6 +16,7 @@ use crate::{
     bands::{Consumer, trace_and_hand},
     camera::Projection,
     film::{Film, TileFilm},
+    packet::PACKET,
     path::{PathTracer, Workspace},
     rendering::Rendering,
     settings::{RenderSettings, Start},
@@ -34,7 +35,7 @@ pub struct Control<'a> {
 
 /// Samples of each pixel of a tile that are traced side by side: 2048 paths of a tile,
 /// enough to fill packets of sixteen.
-const BATCH: u32 = 8;
+pub(crate) const BATCH: u32 = 8;
 
 /// The paths of the first pass, unless that is less than one sample per pixel, or more than
 /// [`MOST_FIRST_SPP`]: some tenths of a second for most scenes.
@@ -209,9 +210,13 @@ impl<'a> Frame<'a> {
             for (i, ((pixel, index), radiance)) in paths().zip(radiances).enumerate() {
                 let rgb = radiance.to_array().map(f64::from);
                 let is_finite = film.add(pixel, index, rgb, indices.end);
-                if FEATURES {
-                    film.add_features(pixel, index, &features[i], is_finite);
+                if FEATURES && !is_finite {
+                    // The camera sees no light directly, either.
+                    features[i / PACKET].darken(i % PACKET);
                 }
+            }
+            if FEATURES {
+                film.add_features(batch, features);
             }
         }
     }

@@ -24,7 +24,9 @@ use crate::{
 use scatter::Draws;
 use wave::{Paths, Points, Queue};
 
-pub(crate) use {features::FeatureSample, tracer::PathTracer};
+#[cfg(test)]
+pub(crate) use features::FeatureSample;
+pub(crate) use {features::FeaturePacket, tracer::PathTracer};
 
 /// Russian roulette may end a path from this vertex on: shorter paths carry most of the
 /// light.
@@ -48,15 +50,16 @@ impl PathTracer<'_> {
     }
 
     /// For each path, an unbiased estimate of the radiance that arrives at `origin`
-    /// from its direction, and its features if they are wanted. The streams are those of one
-    /// sampler, and nothing has been drawn from them but the camera's dimensions.
+    /// from its direction, and its features if they are wanted, in packets in the same order.
+    /// The streams are those of one sampler, and nothing has been drawn from them but the
+    /// camera's dimensions.
     pub(crate) fn trace<'w, const FEATURES: bool>(
         &self,
         workspace: &'w mut Workspace,
         sampler: SamplerKind,
         origin: Vec3A,
         directions: impl Iterator<Item = (Vec3A, SampleStream)>,
-    ) -> (&'w [Vec3A], &'w [FeatureSample]) {
+    ) -> (&'w [Vec3A], &'w mut [FeaturePacket]) {
         let mut count = 0;
         workspace.paths.clear();
         for (direction, stream) in directions {
@@ -72,12 +75,11 @@ impl PathTracer<'_> {
         }
         workspace.radiance.clear();
         workspace.radiance.resize(count as usize, Vec3A::ZERO);
-        workspace.features.clear();
-        if FEATURES {
-            workspace.features.resize(count as usize, FeatureSample::default());
-        }
+        let packets = if FEATURES { workspace.paths.packets().len() } else { 0 };
+        // Without those of other paths, which the first vertex overwrites.
+        workspace.features.resize(packets, FeaturePacket::NONE);
         self.instructions.run(Trace::<FEATURES> { tracer: self, sampler, workspace });
-        (&workspace.radiance, &workspace.features)
+        (&workspace.radiance, &mut workspace.features)
     }
 }
 
@@ -90,8 +92,8 @@ pub(crate) struct Workspace {
     stacks: Stacks,
     /// Radiance by path, in the order of [`PathTracer::trace`].
     radiance: Vec<Vec3A>,
-    /// Features by path; none if they are not wanted.
-    features: Vec<FeatureSample>,
+    /// Features by path, in the same order; none if they are not wanted.
+    features: Vec<FeaturePacket>,
 }
 
 /// Follows paths to their ends.
@@ -111,7 +113,7 @@ impl<const FEATURES: bool> Kernel for Trace<'_, FEATURES> {
         let mut dimension = CAMERA_DIMENSIONS;
         for vertex in 1..=tracer.scene.max_depth {
             let is_last = vertex == tracer.scene.max_depth;
-            for paths in paths.packets() {
+            for (number, paths) in paths.packets().iter().enumerate() {
                 let mut hits = Hits::MISSED;
                 if tracer.has_cut_outs {
                     hits = tracer.see_through(&paths.rays, &paths.streams, dimension, stacks);
@@ -121,28 +123,25 @@ impl<const FEATURES: bool> Kernel for Trace<'_, FEATURES> {
                 for i in (0..PACKET).filter(|&i| paths.rays.tmax[i] >= 0.0) {
                     let emitted = tracer.emitted(paths, &hits, i, vertex == 1);
                     radiance[paths.path[i] as usize] += emitted;
-                    let has_hit = hits.triangle[i] != NONE;
-                    let sees = FEATURES && (vertex == 1 || tracer.has_mirrors);
-                    let needed = has_hit && (!is_last || sees);
-                    let surface = needed.then(|| tracer.surface(paths, &hits, i));
-                    if sees {
-                        let sample = &mut features[paths.path[i] as usize];
-                        if vertex == 1 && has_hit {
-                            sample.depth = hits.t[i];
-                        }
-                        tracer.see(sample, paths, &hits, i, emitted, surface.as_ref());
-                    }
-                    if let Some(surface) = surface
-                        && !is_last
-                    {
+                    if hits.triangle[i] != NONE && !is_last {
+                        let surface = tracer.surface(paths, &hits, i);
                         tracer.arrive(paths, &hits, i, &surface, queues);
                     }
+                }
+                if FEATURES && vertex == 1 {
+                    // The paths are in their order still.
+                    tracer.see_first(&mut features[number], paths, &hits, is_last);
+                } else if FEATURES && tracer.has_mirrors {
+                    tracer.see(features, paths, &hits);
                 }
             }
             paths.clear();
             let roulette = tracer.scene.russian_roulette && vertex >= ROULETTE_START;
             for (queue, are_lambert) in queues.iter_mut().zip([true, false]) {
                 for points in queue.packets() {
+                    if FEATURES && vertex == 1 {
+                        tracer.see_points(points, are_lambert, features);
+                    }
                     let draws = Draws::new(points, sampler, dimension, roulette);
                     let mut direct = tracer.lights(points, &draws);
                     let next: &mut Paths = paths.push_packet();

@@ -75,7 +75,8 @@ fn traced<const FEATURES: bool>(tracer: &PathTracer<'_>) -> (Vec<Vec3A>, Vec<Fea
     let mut workspace = Workspace::default();
     let (kind, origin) = (SamplerKind::Random, projection.origin);
     let (radiances, features) = tracer.trace::<FEATURES>(&mut workspace, kind, origin, paths);
-    (radiances.to_vec(), features.to_vec())
+    let features = features.iter().flat_map(|packet| (0..PACKET).map(|i| packet.get(i)));
+    (radiances.to_vec(), features.collect())
 }
 
 #[test]
