@@ -29,8 +29,12 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from statistics import fmean, geometric_mean
+from typing import TYPE_CHECKING
 
 from page import fill
+
+if TYPE_CHECKING:
+    import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -81,18 +85,9 @@ METHODS: dict[str, list[str]] = {
         for experts in ("lane", "filter", "lane,filter", "filter,oidn", "lane,filter,oidn")
     },
 }
-COLUMNS = [
-    "scene",
-    "spp",
-    "run",
-    "method",
-    "mse",
-    "relmse",
-    "predicted_ratio",
-    "predicted_low",
-    "predicted_high",
-]
 METRICS = ["mse", "relmse"]
+PREDICTED = ["predicted_ratio", "predicted_low", "predicted_high"]
+COLUMNS = ["scene", "spp", "run", "method", *METRICS, *PREDICTED]
 
 
 def table_of(chosen: str) -> Path:
@@ -128,28 +123,41 @@ def transformed(sequence: Path, picture: Path, options: list[str]) -> dict[str, 
     return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)
 
 
-def measured(sequence: Path, method: str) -> list[str]:
-    """Errors and what was predicted, as in the table."""
+def estimated(sequence: Path, method: str) -> tuple["np.ndarray", dict[str, float | None]]:
+    """Colours `[y, x, color]`, and what was predicted of them."""
     import numpy as np
     import pyoidn
     from neighbours_make import layers, stacked
 
-    predicted = [""] * 3
     if method == OIDN:
         channels = layers(sequence)
         pair = stacked(channels), np.clip(stacked(channels, "albedo"), 0, 1)
-        colors = pyoidn.denoise(*pair, stacked(channels, "normal", "XYZ"), hdr=True)
-    else:
-        with tempfile.TemporaryDirectory() as folder:
-            picture = Path(folder) / "picture.exr"
-            report = transformed(sequence, picture, METHODS[method])
-            colors = stacked(layers(picture))
-        values = [report[name] for name in COLUMNS[-3:]]
-        predicted = ["" if value is None else f"{value:.6g}" for value in values]
-    halves = [stacked(layers(sequence.parent / f"reference-{i}.exr")).astype("f8") for i in (0, 1)]
+        return pyoidn.denoise(*pair, stacked(channels, "normal", "XYZ"), hdr=True), {}
+    with tempfile.TemporaryDirectory() as folder:
+        picture = Path(folder) / "picture.exr"
+        report = transformed(sequence, picture, METHODS[method])
+        return stacked(layers(picture)), {name: report[name] for name in PREDICTED}
+
+
+def halves(scene: str) -> list["np.ndarray"]:
+    """Of the reference, in f64."""
+    from neighbours_make import layers, stacked
+
+    return [stacked(layers(CACHE / scene / f"reference-{i}.exr")).astype("f8") for i in (0, 1)]
+
+
+def errors(colors: "np.ndarray", halves: list["np.ndarray"]) -> list[float]:
+    """One for each of `METRICS`."""
     squares = (colors - halves[0]) * (colors - halves[1])
     relative = squares / (((halves[0] + halves[1]) / 2) ** 2 + 0.01)
-    return [f"{squares.mean():.6g}", f"{relative.mean():.6g}", *predicted]
+    return [float(squares.mean()), float(relative.mean())]
+
+
+def measured(sequence: Path, method: str) -> list[str]:
+    """Errors and what was predicted, as in the table."""
+    colors, predicted = estimated(sequence, method)
+    values = [*errors(colors, halves(sequence.parent.name)), *map(predicted.get, PREDICTED)]
+    return ["" if value is None else f"{value:.6g}" for value in values]
 
 
 def has_reference(chosen: str, scene: str) -> bool:

@@ -123,7 +123,7 @@ def test_bands_are_denoised_as_the_whole(nst: Nst, tmp_path: Path, monkeypatch: 
     scene = REPOSITORY / "scenes" / "cornell" / "cornell.obj"
     render = f"render --scene {scene} --size 40x600 --spp 8 --threads 1 --sequence s.exr"
     nst(*render.split(), "--experts", "oidn", "-o", "bands.exr")
-    nst(*"transform s.exr --experts oidn -o whole.exr".split())
+    nst("transform", "s.exr", "--experts", "oidn", "-o", "whole.exr")
     bands, whole = (read_openexr(tmp_path / name)[0] for name in ("bands.exr", "whole.exr"))
     for channel in "RGB":
         assert same_bits(bands[channel], whole[channel])
