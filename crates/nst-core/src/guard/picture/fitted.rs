@@ -56,7 +56,7 @@ impl<'a> FittedPicture<'a> {
         let variances = strip.variances();
         let rows = Rows {
             layers,
-            halves: &strip.batch.halves(inner.start * width..inner.end * width),
+            pixels,
             last: &last,
             variances: &variances,
             width,
@@ -80,7 +80,7 @@ impl<'a> FittedPicture<'a> {
 
     /// Writes the estimates of one of some rows.
     fn estimate_row(&self, rows: &Rows<'_>, y: usize, places: &mut [Output<'_>]) {
-        let (pixels, channels) = (rows.halves.len(), places.len());
+        let (pixels, channels) = (rows.pixels, places.len());
         let mut changes = vec![0.0; channels];
         for x in 0..rows.width {
             let pixel = y * rows.width + x;
@@ -88,8 +88,7 @@ impl<'a> FittedPicture<'a> {
             changes.fill(0.0);
             let mut variance = 0.0;
             for (layer, weights) in rows.layers.iter().zip(&self.weights) {
-                let half = rows.halves[pixel].into();
-                let (w, of_layer) = weights.at(x, rows.first + y, half, layer.places[pixel]);
+                let (w, of_layer) = weights.at(x, rows.first + y, layer.places[pixel]);
                 // Where a layer has no lanes it has no variance, either, and that is a NaN.
                 variance += of_layer.max(0.0);
                 for (sum, lane) in changes.iter_mut().zip(lanes.clone()) {
@@ -115,8 +114,7 @@ impl<'a> FittedPicture<'a> {
 /// Rows that are estimated.
 struct Rows<'a> {
     layers: &'a [Held],
-    /// `[pixel]`
-    halves: &'a [u8],
+    pixels: usize,
     /// S and its variance, `[lane]`.
     last: &'a [f32],
     variances: &'a [f32],

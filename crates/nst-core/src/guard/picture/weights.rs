@@ -3,7 +3,8 @@
 //! What is near fits best where experts differ from place to place, and what the whole picture
 //! says at a brightness has less noise. Weights of both kinds are blended in turn, by brightness,
 //! as each half of the chessboard judges those that were fitted to the other (stacking: Wolpert,
-//! *Stacked Generalization*, Neural Networks 1992). Where neither helps, S stays.
+//! *Stacked Generalization*, Neural Networks 1992). Where neither helps, S stays. What is used is
+//! the mean of what both halves say.
 
 use rayon::prelude::*;
 
@@ -26,7 +27,8 @@ const BLOCK: usize = 16;
 /// Weights for each cell and brightness.
 pub(super) struct Weights {
     division: Division,
-    /// Learnt from a half, `[row][column][half][knot]`.
+    /// The mean of those learnt from both halves, `[row][column][knot]`. Those of one half, used
+    /// on the other, would draw the chessboard where they differ.
     weights: Vec<[f32; MOST]>,
     /// Near a cell, `[row][column][knot]`: the sum of what T's variance is, and the count.
     errors: Vec<[f32; 2]>,
@@ -79,10 +81,9 @@ impl Weights {
         (Self { division, weights, errors }, gain)
     }
 
-    /// The weights of a pixel that is in this half, learnt from the other, and the variance that
-    /// T has near it, relative to its lanes' number.
+    /// The weights of a pixel, and the variance that T has near it, relative to its lanes' number.
     #[inline(always)]
-    pub(super) fn at(&self, x: usize, y: usize, half: usize, place: Place) -> ([f32; MOST], f32) {
+    pub(super) fn at(&self, x: usize, y: usize, place: Place) -> ([f32; MOST], f32) {
         let Division { size, across, down } = self.division;
         let between = |x: usize, count: usize| {
             let at = ((x as f32 + 0.5) / size as f32 - 0.5).clamp(0.0, (count - 1) as f32);
@@ -97,7 +98,7 @@ impl Weights {
                 let cell = row * across + column;
                 for (knot, of_knot) in place.knots() {
                     let share = of_row * of_column * of_knot as f32;
-                    let own = self.weights[(cell * HALVES + 1 - half) * KNOTS + knot];
+                    let own = self.weights[cell * KNOTS + knot];
                     weights.iter_mut().zip(own).for_each(|(sum, weight)| *sum += share * weight);
                     let own = self.errors[cell * KNOTS + knot];
                     errors.iter_mut().zip(own).for_each(|(sum, error)| *sum += share * error);
@@ -203,17 +204,19 @@ impl Row {
     /// Of the sums of a row of cells themselves, and near them.
     fn new(own: &[Sums], near: &[Sums], fitted: &[OfCell], whole: &Whole, shares: &Shares) -> Self {
         let mut row = Self {
-            weights: Vec::with_capacity(near.len()),
+            weights: Vec::with_capacity(fitted.len() * KNOTS),
             errors: Vec::with_capacity(fitted.len() * KNOTS),
             gains: Vec::with_capacity(fitted.len()),
             trust: [0.0; MOST],
             count: 0.0,
         };
         for (column, fitted) in fitted.iter().enumerate() {
-            let weights = blended(fitted, whole, [&shares.both; HALVES]);
-            let single = |w: [f64; MOST]| w.map(|w| w as f32);
-            row.weights.extend(weights.as_flattened().iter().copied().map(single));
-            row.count(own, &weights, column);
+            let [one, other] = blended(fitted, whole, [&shares.both; HALVES]);
+            for (knot, (one, other)) in one.iter().zip(&other).enumerate() {
+                let w = std::array::from_fn(|expert| 0.5 * (one[expert] + other[expert]));
+                row.weights.push(w.map(|w| w as f32));
+                row.count(own, &w, column, knot);
+            }
             let weights = blended(fitted, whole, shares.one.each_ref());
             row.judge(own, near, &weights, column);
         }
@@ -221,13 +224,11 @@ impl Row {
     }
 
     /// Counts the lanes that weights are for.
-    fn count(&mut self, own: &[Sums], weights: &OfCell, column: usize) {
+    fn count(&mut self, own: &[Sums], w: &[f64; MOST], column: usize, knot: usize) {
         for half in 0..HALVES {
-            for (knot, w) in weights[1 - half].iter().enumerate() {
-                let count = own[Division::place(column, half, knot)].count;
-                self.trust.iter_mut().zip(w).for_each(|(sum, w)| *sum += count * w);
-                self.count += count;
-            }
+            let count = own[Division::place(column, half, knot)].count;
+            self.trust.iter_mut().zip(w).for_each(|(sum, w)| *sum += count * w);
+            self.count += count;
         }
     }
 
@@ -305,9 +306,9 @@ mod tests {
     fn one_half_says_how_much_the_other_may_change() {
         let place = super::super::cells::BRIGHTNESS.place(-0.1);
         let (weights, gain) = Weights::fit(&cells([0.5, 0.25]), 1);
-        let of = |half: usize| f64::from(weights.at(13, 22, half, place).0[0]);
+        let w = f64::from(weights.at(13, 22, place).0[0]);
         // Of 0.25 and 0.5, the share 0.8 is best for both. The ridge takes a ten-thousandth off.
-        assert!((of(0) - 0.2).abs() < 1e-3 && (of(1) - 0.4).abs() < 1e-3);
+        assert!((w - 0.3).abs() < 1e-3, "{w}");
         // What is told is of all of 0.5, and of half of 0.25: w² − 2 w b of each half, 16 cells
         // of 24 lanes.
         let changes = 16.0 * 24.0 * (0.25 - 0.25 + 0.015625 - 0.125);
