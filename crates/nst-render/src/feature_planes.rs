@@ -5,7 +5,12 @@ use std::ops::Range;
 
 use nst_core::{FOLDS, FeatureSums, Side};
 
-use crate::{Error, memory, packet::PACKET, path::FeaturePacket, render::BATCH, tiles};
+use crate::{
+    Error, memory,
+    packet::PACKET,
+    path::FeaturePacket,
+    tiles::{self, BATCH},
+};
 
 /// Planes with sums of folds: three of albedo, of normals and of emission each.
 const PLANES: usize = 9;

@@ -20,7 +20,7 @@ use crate::{
     path::{PathTracer, Workspace},
     rendering::Rendering,
     settings::{RenderSettings, Start},
-    tiles::Tile,
+    tiles::{BATCH, Tile},
 };
 
 /// How a rendering reports its progress, and how it is stopped.
@@ -32,10 +32,6 @@ pub struct Control<'a> {
     /// a second, or as long as one sample per pixel takes.
     pub stop: &'a (dyn Fn() -> bool + Sync),
 }
-
-/// Samples of each pixel of a tile that are traced side by side: 2048 paths of a tile,
-/// enough to fill packets of sixteen.
-pub(crate) const BATCH: u32 = 8;
 
 /// The paths of the first pass, unless that is less than one sample per pixel, or more than
 /// [`MOST_FIRST_SPP`]: some tenths of a second for most scenes.

@@ -9,6 +9,10 @@ use rayon::prelude::*;
 /// threads have work almost until the end.
 pub(crate) const TILE: u32 = 16;
 
+/// Samples of each pixel of a tile that are traced side by side: 2048 paths of a tile,
+/// enough to fill packets of sixteen.
+pub(crate) const BATCH: u32 = 8;
+
 /// A rectangle of pixels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tile {

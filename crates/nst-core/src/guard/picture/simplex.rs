@@ -54,8 +54,8 @@ impl Moments {
         (0..MOST).map(|i| w[i] * (of_a[i] - 2.0 * self.b[i])).sum()
     }
 
-    /// Those of two blends by these weights, as if they were experts.
-    pub(super) fn of_blends(&self, blends: &[[f64; MOST]; 2]) -> Self {
+    /// Those of at most [`MOST`] blends by these weights, as if they were experts.
+    pub(super) fn of_blends(&self, blends: &[[f64; MOST]]) -> Self {
         let mut moments = Self::default();
         for (i, w) in blends.iter().enumerate() {
             let of_a = self.times(w);
@@ -98,6 +98,12 @@ impl Moments {
             }
         }
         best
+    }
+
+    /// The weight in [0, 1] of one expert alone with the least change; 0 if nothing is known of it.
+    pub(super) fn best_weight(&self, expert: usize) -> f64 {
+        let weight = self.b[expert] / ((1.0 + RIDGE) * self.a[place(expert, expert)]);
+        if weight > 0.0 { weight.min(1.0) } else { 0.0 }
     }
 
     /// The solution of A x = right for the experts of a set, 0 elsewhere.

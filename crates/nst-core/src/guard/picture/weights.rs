@@ -1,10 +1,10 @@
 //! How far each expert is trusted, cell by cell, and what that gains.
 //!
 //! What is near fits best where experts differ from place to place, and what the whole picture
-//! says at a brightness has less noise. Weights of both kinds are blended in turn, by brightness,
-//! as each half of the chessboard judges those that were fitted to the other (stacking: Wolpert,
-//! *Stacked Generalization*, Neural Networks 1992). Where neither helps, S stays. What is used is
-//! the mean of what both halves say.
+//! says at a brightness has less noise, least where it weighs one expert alone. Weights of these
+//! three kinds are blended in turn, by brightness, as each half of the chessboard judges those that were fitted to the other (stacking: Wolpert,
+//! *Stacked Generalization*, Neural Networks 1992). Where none helps, S stays. What is used is the
+//! mean of what both halves say.
 
 use rayon::prelude::*;
 
@@ -42,8 +42,19 @@ pub(super) struct Gain {
     pub(super) trust: [f64; MOST],
 }
 
-/// Weights fitted to a half of the whole picture, with its sums, `[half][knot]`.
-type Whole = [[(Moments, [f64; MOST]); KNOTS]; HALVES];
+/// Kinds of weights: near a cell, of the whole picture, and of the last expert alone there.
+const KINDS: usize = 3;
+
+/// What is fitted to a half of the whole picture at a brightness.
+#[derive(Clone, Copy)]
+struct Whole {
+    moments: Moments,
+    /// Those of the last two kinds.
+    weights: [[f64; MOST]; KINDS - 1],
+}
+
+/// `[half][knot]`
+type Wholes = [[Whole; KNOTS]; HALVES];
 
 /// Weights of a cell, learnt from a half, `[half][knot]`.
 type OfCell = [[[f64; MOST]; KNOTS]; HALVES];
@@ -53,8 +64,8 @@ impl Weights {
     /// other.
     pub(super) fn fit(cells: &Cells, count: usize) -> (Self, Gain) {
         let division = cells.division;
-        let whole: Whole = of_all(cells)
-            .map(|half| half.map(|sums| (sums.moments, sums.moments.best_weights(count))));
+        let whole: Wholes =
+            of_all(cells).map(|half| half.map(|sums| Whole::new(sums.moments, count)));
         let near = Near::new(cells);
         let own = |row: usize| &cells.sums[row * division.of_row()..][..division.of_row()];
         let fits: Vec<RowFit> = (0..division.down)
@@ -109,18 +120,28 @@ impl Weights {
     }
 }
 
+impl Whole {
+    fn new(moments: Moments, count: usize) -> Self {
+        let mut alone = [0.0; MOST];
+        if let Some(last) = count.checked_sub(1) {
+            alone[last] = moments.best_weight(last);
+        }
+        Self { moments, weights: [moments.best_weights(count), alone] }
+    }
+}
+
 /// Weights by what is near, of a row of cells.
 struct RowFit {
     /// `[column]`
     weights: Vec<OfCell>,
-    /// Both kinds of weights as experts, by what a half says of those fitted to the other.
+    /// The kinds of weights as experts, by what a half says of those fitted to the other.
     kinds: [[Sums; KNOTS]; HALVES],
 }
 
-/// Shares of the weights of both kinds, and 0, `[knot]`.
+/// Shares of the kinds of weights, then zeros, `[knot]`.
 type OfKinds = [[f64; MOST]; KNOTS];
 
-/// How weights of both kinds are blended.
+/// How the kinds of weights are blended.
 struct Shares {
     /// By what both halves say of the weights fitted to the other.
     both: OfKinds,
@@ -131,7 +152,7 @@ struct Shares {
 
 impl RowFit {
     /// To the sums near a row of cells; `own` are those of the cells themselves.
-    fn new(own: &[Sums], near: &[Sums], whole: &Whole, count: usize) -> Self {
+    fn new(own: &[Sums], near: &[Sums], whole: &Wholes, count: usize) -> Self {
         let columns = near.len() / (HALVES * KNOTS);
         let mut row = Self { weights: Vec::with_capacity(columns), kinds: Default::default() };
         for column in 0..columns {
@@ -146,7 +167,8 @@ impl RowFit {
                 for (knot, kinds) in row.kinds[half].iter_mut().enumerate() {
                     let own = &own[Division::place(column, half, knot)];
                     if !own.is_empty() {
-                        let of_kinds = [weights[1 - half][knot], whole[1 - half][knot].1];
+                        let [all, alone] = whole[1 - half][knot].weights;
+                        let of_kinds = [weights[1 - half][knot], all, alone];
                         let moments = own.moments.of_blends(&of_kinds);
                         kinds.add(&Sums { moments, ..*own }, 1.0);
                     }
@@ -165,7 +187,7 @@ impl Shares {
             let sums = kinds.as_flattened_mut().iter_mut().zip(fit.kinds.as_flattened());
             sums.for_each(|(sum, of_row)| sum.add(of_row, 1.0));
         }
-        let best = |sums| over_brightness(sums).map(|sums| sums.moments.best_weights(2));
+        let best = |sums| over_brightness(sums).map(|sums| sums.moments.best_weights(KINDS));
         let one = kinds.each_ref().map(best);
         let [mut both, other] = kinds;
         both.iter_mut().zip(&other).for_each(|(sum, other)| sum.add(other, 1.0));
@@ -173,17 +195,17 @@ impl Shares {
     }
 }
 
-/// The weights of a cell, of those near it and those of the whole picture.
-fn blended(near: &OfCell, whole: &Whole, shares: [&OfKinds; HALVES]) -> OfCell {
+/// The weights of a cell: those of all kinds, blended.
+fn blended(near: &OfCell, whole: &Wholes, shares: [&OfKinds; HALVES]) -> OfCell {
     let mut blend = OfCell::default();
     for half in 0..HALVES {
         for (knot, weights) in blend[half].iter_mut().enumerate() {
-            let [of_near, of_all, ..] = shares[half][knot];
-            let pairs = near[half][knot].iter().zip(&whole[half][knot].1);
-            weights
-                .iter_mut()
-                .zip(pairs)
-                .for_each(|(w, (near, all))| *w = of_near * near + of_all * all);
+            let [all, alone] = &whole[half][knot].weights;
+            for (of_kind, share) in
+                [&near[half][knot], all, alone].into_iter().zip(shares[half][knot])
+            {
+                weights.iter_mut().zip(of_kind).for_each(|(sum, w)| *sum += share * w);
+            }
         }
     }
     blend
@@ -202,7 +224,13 @@ struct Row {
 
 impl Row {
     /// Of the sums of a row of cells themselves, and near them.
-    fn new(own: &[Sums], near: &[Sums], fitted: &[OfCell], whole: &Whole, shares: &Shares) -> Self {
+    fn new(
+        own: &[Sums],
+        near: &[Sums],
+        fitted: &[OfCell],
+        whole: &Wholes,
+        shares: &Shares,
+    ) -> Self {
         let mut row = Self {
             weights: Vec::with_capacity(fitted.len() * KNOTS),
             errors: Vec::with_capacity(fitted.len() * KNOTS),
@@ -254,7 +282,8 @@ impl Row {
 }
 
 /// The weights of a cell, by what is near it and some of the whole picture's sums.
-fn best(near: &Sums, (of_all, prior): &(Moments, [f64; MOST]), count: usize) -> [f64; MOST] {
+fn best(near: &Sums, whole: &Whole, count: usize) -> [f64; MOST] {
+    let Whole { moments: of_all, weights: [prior, _] } = whole;
     if near.moments.trace() <= 1e-9 * of_all.trace() {
         return *prior;
     }
