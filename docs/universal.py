@@ -30,6 +30,7 @@ from adaptation import (
     rounded,
     scene_file,
 )
+from page import fill
 
 NST = os.environ.get("NST", str(ROOT / "target" / "release" / "nst"))
 TABLE = ROOT / "docs" / "universal.csv"
@@ -39,7 +40,6 @@ RUNS = 4
 PLAIN, AUTO, NETWORK = "none", "auto", "small"
 BLENDED = f"auto: lane + {NETWORK}"
 NAMES = {AUTO: "`auto`", BLENDED: f"`auto --experts lane,{NETWORK}`", NETWORK: f"`{NETWORK}` alone"}
-BEGIN, END = "<!-- universal -->", "<!-- end of universal -->"
 
 
 def bench(scene: str, folder: Path) -> list[list[object]]:
@@ -78,7 +78,7 @@ def ratios(rows: list[dict[str, str]], scene: str, method: str, spp: int) -> lis
     return [mean(method, error) / mean(PLAIN, error) for error in ("mse", "relmse")]
 
 
-def table(rows: list[dict[str, str]]) -> str:
+def table(rows: list[dict[str, str]]) -> list[str]:
     lines = ["| scene | method | " + " | ".join(f"{spp} spp" for spp in COUNTS) + " |"]
     lines.append("|---" * (2 + len(COUNTS)) + "|")
     scenes = [scene for scene in SCENES if any(row["scene"] == scene for row in rows)]
@@ -98,23 +98,14 @@ def table(rows: list[dict[str, str]]) -> str:
             of_scenes = [ratios(rows, scene, method, spp) for scene in scenes]
             means.append([geometric_mean(column) for column in zip(*of_scenes, strict=True)])
         lines.append(line("geometric mean", method, means))
-    return "\n".join(lines)
+    return lines
 
 
 def main() -> int:
     if "--measure" in sys.argv:
         measure()
         return 0
-    text = PAGE.read_text(encoding="utf-8")
-    before, rest = text.split(BEGIN)
-    after = rest.split(END)[1]
-    made = f"{before}{BEGIN}\n{table(read(TABLE))}\n{END}{after}"
-    if "--check" in sys.argv:
-        if made != text:
-            print(f"error: {PAGE} is not what {TABLE} gives; run docs/universal.py", file=sys.stderr)
-        return int(made != text)
-    PAGE.write_text(made, encoding="utf-8")
-    return 0
+    return fill(PAGE, {"universal": table(read(TABLE))}, __file__, check="--check" in sys.argv)
 
 
 if __name__ == "__main__":

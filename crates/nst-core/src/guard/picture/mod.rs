@@ -4,8 +4,8 @@
 //! the picture, and as bright. The sums A and b are in cells of a few pixels and steps of
 //! brightness, smoothed over both (a *bilateral grid*: Chen, Paris, Durand, *Real-time
 //! Edge-aware Image Processing with the Bilateral Grid*, SIGGRAPH 2007), with a little of the
-//! whole picture's sums at the same brightness. The weights that follow are interpolated, and blended
-//! with those of the whole picture at that brightness (`weights.rs`).
+//! whole picture's sums at the same brightness. The weights that follow are blended with those of
+//! the whole picture at that brightness (`weights.rs`), and interpolated.
 //!
 //! A is that of all folds. Without a group, S has a larger variance than with all folds, and b is
 //! made smaller by that.
