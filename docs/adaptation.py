@@ -1,4 +1,4 @@
-"""Measures `--transform auto` on scenes that it has never seen, for docs/adaptation.md.
+"""Measures `--transform auto --experts lane` on scenes that it has never seen, for docs/adaptation.md.
 
     python docs/adaptation.py            # writes the tables into the page
     python docs/adaptation.py --check    # compares instead; exit code 1 on a difference
@@ -6,7 +6,7 @@
 
 `--measure` uses target/release/nst, or the binary that the environment variable NST names, and goes on where
 it was cut off. docs/adaptation.csv has a row for each rendering and method: errors against a reference of two
-independent halves, and what `auto` predicted. docs/adaptation-errors.csv compares the layer `StdError` with
+independent halves, and what the guard predicted. docs/adaptation-errors.csv compares the layer `StdError` with
 the true errors, by tenths of the lanes from dark to bright.
 """
 
@@ -51,7 +51,9 @@ REFERENCE_SPP = {"caustic": 4096}
 USUAL_REFERENCE_SPP = 16384
 COLUMNS = ["scene", "sampler", "method", "spp", "run", "mse", "relmse", "predicted_ratio"]
 COLUMNS += ["predicted_low", "predicted_high"]
-PLAIN, AUTO = "none", "auto"
+PLAIN, AUTO = "none", "auto: lane"
+# No neighbours: lanes are judged one by one.
+LANE = ["--transform", "auto", "--experts", "lane"]
 # The ratio up to which T may be worse than S by chance.
 LIMIT = 1.02
 
@@ -93,8 +95,8 @@ def bench(scene: str, sampler: str, folder: Path) -> list[list[object]]:
     table = folder / f"{scene}-{sampler}.csv"
     command = [NST, "bench", "scene", "--scene", scene_file(scene), "--size", SIZE, *options]
     command += ["--sampler", sampler, "--spp", *map(str, COUNTS[sampler]), "--runs", str(RUNS)]
-    command += ["--reference-spp", str(REFERENCE_SPP.get(scene, USUAL_REFERENCE_SPP)), "--transform", AUTO]
-    command += [network] if network and sampler == "random" else []
+    command += ["--reference-spp", str(REFERENCE_SPP.get(scene, USUAL_REFERENCE_SPP)), *LANE]
+    command += ["--transform", network] if network and sampler == "random" else []
     subprocess.run(
         [*command, "--backend", "cpu", "--quiet", "-o", str(table)], check=True, stdout=subprocess.DEVNULL
     )
@@ -132,7 +134,7 @@ def errors(scene: str, folder: Path) -> list[list[object]]:
     for sampler, spp in product(COUNTS, ERROR_COUNTS):
         sums = np.zeros([2, DECILES])
         for run in range(ERROR_RUNS):
-            picture = render(f"{spp}", 3_000_000 + run, "--sampler", sampler, "--spp", str(spp))
+            picture = render(f"{spp}", 3_000_000 + run, "--sampler", sampler, "--spp", str(spp), *LANE)
             estimate = colors(picture)
             true = (estimate - halves[0]) * (estimate - halves[1])
             both = colors(picture, "StdError.") ** 2, true

@@ -1,4 +1,4 @@
-"""Measures what a network that was trained over many scenes adds to `--transform auto`: for
+"""Measures what a network that was trained over many scenes adds to `--experts lane`: for
 docs/adaptation.md.
 
     python docs/universal.py            # writes the table into the page
@@ -37,9 +37,9 @@ TABLE = ROOT / "docs" / "universal.csv"
 COLUMNS = ["scene", "method", "spp", "run", "mse", "relmse"]
 COUNTS = [8, 32, 256]
 RUNS = 4
-PLAIN, AUTO, NETWORK = "none", "auto", "small"
-BLENDED = f"auto: lane + {NETWORK}"
-NAMES = {AUTO: "`auto`", BLENDED: f"`auto --experts lane,{NETWORK}`", NETWORK: f"`{NETWORK}` alone"}
+PLAIN, AUTO, NETWORK = "none", "auto: lane", "small"
+BLENDED = f"{AUTO} + {NETWORK}"
+NAMES = {AUTO: "`auto --experts lane`", BLENDED: f"`auto --experts lane,{NETWORK}`", NETWORK: f"`{NETWORK}` alone"}
 
 
 def bench(scene: str, folder: Path) -> list[list[object]]:
@@ -49,8 +49,8 @@ def bench(scene: str, folder: Path) -> list[list[object]]:
     reference_spp = str(REFERENCE_SPP.get(scene, USUAL_REFERENCE_SPP))
     command += ["--reference-spp", reference_spp, "--backend", "cpu", "--quiet", "-o", str(table)]
     for options in (
-        ["--transform", f"{AUTO},{NETWORK}"],
-        ["--transform", AUTO, "--experts", f"lane,{NETWORK}"],
+        ["--transform", f"auto,{NETWORK}", "--experts", "lane"],
+        ["--transform", "auto", "--experts", f"lane,{NETWORK}"],
     ):
         subprocess.run([*command, *options], check=True, stdout=subprocess.DEVNULL)
     return [

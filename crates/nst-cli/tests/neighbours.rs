@@ -19,9 +19,15 @@ fn lanes(bench: &Bench, picture: &str, layer: &str) -> Vec<f32> {
     read_layer(&bench.path(picture), layer).1
 }
 
-fn has_features(bench: &Bench, picture: &str) -> bool {
+/// The channels of a picture whose names begin so.
+fn channels(bench: &Bench, picture: &str, begin: &str) -> Vec<String> {
     let header = ExrHeader::read(&bench.path(picture)).expect("a header");
-    header.parts[0].channels.iter().any(|channel| channel.name.starts_with("albedo"))
+    let names = header.parts[0].channels.iter().map(|channel| channel.name.to_string());
+    names.filter(|name| name.starts_with(begin)).collect()
+}
+
+fn has_features(bench: &Bench, picture: &str) -> bool {
+    !channels(bench, picture, "albedo").is_empty()
 }
 
 /// The same of a rendering in memory, with any number of threads, and of its stored sequence.
@@ -42,6 +48,10 @@ fn the_filter_under_the_guard() {
         assert_eq!(report(&bench, &again)["experts"], said["experts"]);
         for layer in ["", "S", "StdError"] {
             assert!(lanes(&bench, "x.exr", layer) == lanes(&bench, "y.exr", layer), "{layer}");
+        }
+        for picture in ["x.exr", "y.exr"] {
+            let weights = channels(&bench, picture, "weight.");
+            assert_eq!(weights, ["weight.filter", "weight.lane"], "{picture}");
         }
     }
     // S has the bits that it has without; the estimates have not.

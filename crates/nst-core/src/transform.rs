@@ -67,6 +67,12 @@ pub trait Fitted: Send + Sync {
         false
     }
 
+    /// Whether the estimates come with [weights](Estimates::weights), one for each expert of the
+    /// [judgement](Self::judgement).
+    fn has_weights(&self) -> bool {
+        false
+    }
+
     /// What a method that measures its own gain has found.
     fn judgement(&self) -> Option<&Judgement> {
         None
@@ -80,6 +86,10 @@ impl<F: Fitted + ?Sized> Fitted for &F {
 
     fn estimates_errors(&self) -> bool {
         (**self).estimates_errors()
+    }
+
+    fn has_weights(&self) -> bool {
+        (**self).has_weights()
     }
 
     fn judgement(&self) -> Option<&Judgement> {
@@ -198,6 +208,7 @@ pub struct Estimates {
     values: Vec<f32>,
     status: Vec<Status>,
     errors: Vec<f32>,
+    weights: Vec<f32>,
 }
 
 impl Estimates {
@@ -218,6 +229,13 @@ impl Estimates {
     #[must_use]
     pub fn errors(&self) -> &[f32] {
         &self.errors
+    }
+
+    /// How much each expert that looks at neighbours is trusted at each pixel, `[expert][pixel]`,
+    /// from 0 to 1: its share of what surfaces reflect. Empty if the method weighs none.
+    #[must_use]
+    pub fn weights(&self) -> &[f32] {
+        &self.weights
     }
 
     /// How many lanes have the given status.
@@ -242,6 +260,7 @@ impl Estimates {
         self.status.clear();
         self.status.resize(last.len(), status);
         self.errors.clear();
+        self.weights.clear();
     }
 
     /// Sets the errors of all lanes to NaN.
@@ -257,6 +276,7 @@ impl Estimates {
         self.status.clear();
         self.status.resize(lanes, Status::Ok);
         self.errors.clear();
+        self.weights.clear();
         (&mut self.values, &mut self.status)
     }
 
@@ -265,6 +285,11 @@ impl Estimates {
         self.reset(lanes);
         self.errors_unknown();
         (&mut self.values, &mut self.status, &mut self.errors)
+    }
+
+    /// Takes the [weights](Self::weights) of what was written last.
+    pub(crate) fn set_weights(&mut self, weights: Vec<f32>) {
+        self.weights = weights;
     }
 }
 

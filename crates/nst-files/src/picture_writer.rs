@@ -56,8 +56,8 @@ pub struct PictureWriter<'a> {
 
 impl<'a> PictureWriter<'a> {
     /// Begins a picture with these layers, of which one may have no name: its channels
-    /// have no prefix, and are what programs show first. Then come layers of side channels, with
-    /// the channels that those have in sequences.
+    /// have no prefix, and are what programs show first. Then come channels that stand alone, such as
+    /// `weight.filter`, and layers of side channels, with the channels that those have in sequences.
     ///
     /// # Errors
     /// [`Error::Io`] if it cannot be written.
@@ -66,19 +66,20 @@ impl<'a> PictureWriter<'a> {
         size: [u32; 2],
         model: ColorModel,
         layers: &[&str],
+        alone: &[String],
         sides: &[Side],
         info: &PictureInfo,
     ) -> Result<Self, Error> {
-        let layers = layers.iter().map(|layer| ((*layer).to_owned(), model.channels()));
-        let sides = sides.iter().map(|side| (side.to_string(), model.side_channels(side)));
-        let channels: Vec<_> = layers
-            .chain(sides)
-            .flat_map(|(layer, channels)| layer_channels(&layer, channels).collect::<Vec<_>>())
-            .collect();
+        let layers = layers.iter().flat_map(|layer| layer_channels(layer, model.channels()));
+        let alone = alone.iter().flat_map(|name| layer_channels("", &[name]).collect::<Vec<_>>());
+        let sides = sides.iter().flat_map(|side| {
+            layer_channels(&side.to_string(), model.side_channels(side)).collect::<Vec<_>>()
+        });
+        let channels: Vec<_> = layers.chain(alone).chain(sides).collect();
         Ok(Self { rows: RowWriter::create(output, size, &channels, info.attributes())?, model })
     }
 
-    /// Appends rows of each layer, as planar lanes; the first must be one of lanes. All calls but
+    /// Appends rows of each layer and channel, as planar lanes; the first must be one of lanes. All calls but
     /// the last need a multiple of 16 rows.
     ///
     /// # Errors
@@ -117,7 +118,7 @@ pub fn write_exr(
     info: &PictureInfo,
 ) -> Result<(), Error> {
     let (names, lanes): (Vec<&str>, Vec<&[f32]>) = layers.iter().copied().unzip();
-    let mut writer = PictureWriter::create(output, size, model, &names, &[], info)?;
+    let mut writer = PictureWriter::create(output, size, model, &names, &[], &[], info)?;
     writer.push(&lanes)?;
     writer.finish()
 }

@@ -2,7 +2,7 @@
 
 use std::{borrow::Cow, path::Path};
 
-use nst_core::{SequenceBatch, Side, guard::Judgement};
+use nst_core::{Estimates, Fitted, SequenceBatch, Side, guard::Judgement};
 use nst_files::{
     ColorModel,
     output::{Kind, Name, OutputFile, Outputs, commit},
@@ -39,6 +39,31 @@ pub(super) fn header(
     }
 }
 
+/// What a method says of its estimates beside their values.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Further {
+    /// Whether their errors are known.
+    pub(super) errors: bool,
+    /// The experts whose weights are known at each pixel.
+    pub(super) weights: Vec<String>,
+}
+
+impl Further {
+    pub(super) fn of(fitted: &dyn Fitted) -> Self {
+        let judgement = fitted.judgement().filter(|_| fitted.has_weights());
+        let experts = judgement.into_iter().flat_map(|it| &it.experts);
+        let weights = experts.map(|(name, _)| name.clone()).collect();
+        Self { errors: fitted.estimates_errors(), weights }
+    }
+
+    /// These of some estimates.
+    pub(super) fn parts<'a>(&self, estimates: &'a Estimates) -> Vec<&'a [f32]> {
+        let errors = self.errors.then(|| estimates.errors());
+        let weights = (!self.weights.is_empty()).then(|| estimates.weights());
+        errors.into_iter().chain(weights).collect()
+    }
+}
+
 /// Where a picture goes. All of it is there at the end, or nothing.
 pub(super) struct PictureFiles {
     /// Left out if the user asked for a PNG.
@@ -59,21 +84,23 @@ impl PictureFiles {
     }
 
     /// Begins to write. The EXR has the layers `S`, `Variance` if there is that side channel,
-    /// `StdError` if errors are estimated, and features that are among the side channels.
+    /// `StdError` if errors are estimated, a channel `weight.NAME` of each expert whose weights are
+    /// known, and features that are among the side channels.
     pub(super) fn begin(
         &mut self,
         size: [u32; 2],
         model: ColorModel,
         sides: &[Side],
-        errors: bool,
+        further: &Further,
         info: &PictureInfo,
     ) -> Result<PictureRows<'_>, Error> {
         let mut layers = vec!["", "S"];
         layers.extend(sides.contains(&Side::Variance).then_some("Variance"));
-        layers.extend(errors.then_some("StdError"));
+        layers.extend(further.errors.then_some("StdError"));
+        let weights: Vec<_> = further.weights.iter().map(|name| format!("weight.{name}")).collect();
         let features: Vec<Side> = sides.iter().filter(|side| is_shown(side)).cloned().collect();
-        let exr = self.exr.as_mut();
-        let exr = exr.map(|exr| PictureWriter::create(exr, size, model, &layers, &features, info));
+        let create = |exr| PictureWriter::create(exr, size, model, &layers, &weights, &features, info);
+        let exr = self.exr.as_mut().map(create);
         let png = PngWriter::create(&mut self.png, size)?;
         Ok(PictureRows { exr: exr.transpose()?, png, channels: model.channels().len(), features })
     }
@@ -101,21 +128,22 @@ pub(super) fn is_shown(side: &Side) -> bool {
 }
 
 impl PictureRows<'_> {
-    /// Writes a strip, without its halo, its estimates, and their errors if there are any.
+    /// Writes a strip, without its halo, its estimates, and what is known [further](Further) of
+    /// these: errors, then weights.
     pub(super) fn push(
         &mut self,
         strip: &SequenceBatch,
         values: &[f32],
-        errors: Option<&[f32]>,
+        further: &[&[f32]],
     ) -> Result<(), Error> {
         let inner = |lanes| strip.grid().map_or(Cow::Borrowed(lanes), |grid| grid.inner(lanes));
         let plain = layers(strip, values).into_iter().skip(1).map(|(_, lanes)| inner(lanes));
         let plain: Vec<Cow<'_, [f32]>> = plain.collect();
         let features = self.features.iter().map(|side| inner(strip.side(side).unwrap_or_default()));
         let features: Vec<Cow<'_, [f32]>> = features.collect();
-        let layers = [values].into_iter().chain(plain.iter().map(AsRef::as_ref)).chain(errors);
-        let layers = layers.chain(features.iter().map(AsRef::as_ref));
-        let layers: Vec<&[f32]> = layers.collect();
+        let layers = [values].into_iter().chain(plain.iter().map(AsRef::as_ref));
+        let layers = layers.chain(further.iter().copied());
+        let layers: Vec<&[f32]> = layers.chain(features.iter().map(AsRef::as_ref)).collect();
         let (exr, png) = rayon::join(
             || self.exr.as_mut().map_or(Ok(()), |exr| exr.push(&layers)),
             || self.png.push(values, self.channels),

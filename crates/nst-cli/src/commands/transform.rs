@@ -8,7 +8,7 @@ use nst_files::{
     sequence_file::{SequenceInfo, SequenceReader},
 };
 
-use super::picture_files::{PictureFiles, header};
+use super::picture_files::{Further, PictureFiles, header};
 use crate::{
     adapter::caught,
     args::TransformArgs,
@@ -64,16 +64,16 @@ fn write(
 
     let seconds = Some(info.render_seconds).filter(|&seconds| seconds > 0.0);
     let about = header(info.samples(), seconds, fitted.judgement());
-    let errors = fitted.estimates_errors();
-    let mut picture = files.begin(info.size, info.model, &info.sides, errors, &about)?;
+    let further = Further::of(&*fitted);
+    let mut picture = files.begin(info.size, info.model, &info.sides, &further, &about)?;
     let mut estimates = Estimates::default();
     let mut lanes = Outcome::new(fitted.judgement().cloned());
     strips.rewind(method.transform.requires().halo())?;
     while let Some(strip) = strips.next_strip()? {
         timed(&mut watch.transform, || caught(|| fitted.apply(&strip, &mut estimates)))?;
         lanes.add(&estimates);
-        let errors = errors.then(|| estimates.errors());
-        timed(&mut watch.io, || picture.push(&strip, estimates.values(), errors))?;
+        let values = estimates.values();
+        timed(&mut watch.io, || picture.push(&strip, values, &further.parts(&estimates)))?;
         progress.advance(estimates.values().len() as u64);
     }
     watch.io += strips.time;

@@ -23,7 +23,7 @@ use super::{
 use crate::{
     adapter::caught,
     args::{KeepArg, RenderArgs},
-    commands::picture_files::{PictureFiles, header, is_shown},
+    commands::picture_files::{Further, PictureFiles, header, is_shown},
     error::Error,
     interrupt,
     method::Method,
@@ -279,6 +279,10 @@ struct Estimated {
     values: Vec<f32>,
     /// Their errors, in the same way; empty if the method estimates none.
     errors: Vec<f32>,
+    /// The experts' weights, `[expert][pixel]`; empty if there are none.
+    weights: Vec<f32>,
+    /// What the method says of all rows beside the values.
+    further: Further,
     pixels: usize,
     width: usize,
     outcome: Outcome,
@@ -289,20 +293,21 @@ impl Estimated {
     /// known before it is rendered.
     fn new([width, height]: [u32; 2]) -> Self {
         let (width, pixels) = (width as usize, (width as usize).saturating_mul(height as usize));
-        let [values, errors] = [Vec::new(), Vec::new()];
-        Self { values, errors, pixels, width, outcome: Outcome::default() }
+        let [values, errors, weights] = [Vec::new(), Vec::new(), Vec::new()];
+        let (further, outcome) = (Further::default(), Outcome::default());
+        Self { values, errors, weights, further, pixels, width, outcome }
     }
 
     /// Takes the estimates of some rows.
     fn put(&mut self, rows: Range<usize>, estimates: &Estimates) {
-        self.values.resize(self.pixels * ColorModel::Rgb.channels().len(), 0.0);
-        if !estimates.errors().is_empty() {
-            self.errors.resize(self.values.len(), 0.0);
-        }
         let place = rows.start * self.width..rows.end * self.width;
-        let pictures =
-            [(&mut self.values, estimates.values()), (&mut self.errors, estimates.errors())];
-        for (picture, rows) in pictures {
+        let pictures = [
+            (&mut self.values, estimates.values()),
+            (&mut self.errors, estimates.errors()),
+            (&mut self.weights, estimates.weights()),
+        ];
+        for (picture, rows) in pictures.into_iter().filter(|(_, rows)| !rows.is_empty()) {
+            picture.resize(self.pixels * (rows.len() / place.len()), 0.0);
             let planes = picture.chunks_exact_mut(self.pixels);
             for (plane, rows) in planes.zip(rows.chunks_exact(place.len())) {
                 plane[place.clone()].copy_from_slice(rows);
@@ -313,17 +318,24 @@ impl Estimated {
 
     /// Takes what the method says of all rows.
     fn complete(&mut self, fitted: &dyn Fitted) {
-        if fitted.estimates_errors() {
+        self.further = Further::of(fitted);
+        if self.further.errors {
             self.errors.resize(self.values.len(), 0.0);
         }
         self.outcome.judgement = fitted.judgement().cloned();
     }
 
-    /// Some rows of the estimates, or of their errors.
+    /// Some rows of the estimates, of their errors, or of the weights.
     fn get(&self, picture: &[f32], rows: Range<usize>) -> Vec<f32> {
         let place = rows.start * self.width..rows.end * self.width;
         let planes = picture.chunks_exact(self.pixels);
         planes.flat_map(|plane| &plane[place.clone()]).copied().collect()
+    }
+
+    /// Some rows of what is known beside the values: errors, then weights.
+    fn parts(&self, rows: Range<usize>) -> Vec<Vec<f32>> {
+        let pictures = [&self.errors, &self.weights].into_iter().filter(|it| !it.is_empty());
+        pictures.map(|picture| self.get(picture, rows.clone())).collect()
     }
 }
 
@@ -338,17 +350,16 @@ fn write(
 ) -> Result<Vec<String>, Error> {
     let mut sides = rendering.sides();
     sides.retain(|side| with_features || !side.is_feature());
-    let with_errors = estimated.filter(|it| !it.errors.is_empty());
-    let errors = with_errors.is_some();
-    let mut picture = files.begin(rendering.size(), ColorModel::Rgb, &sides, errors, info)?;
+    let further = estimated.map(|it| it.further.clone()).unwrap_or_default();
+    let mut picture = files.begin(rendering.size(), ColorModel::Rgb, &sides, &further, info)?;
     let shown = sides.iter().filter(|&side| *side == Side::Variance || is_shown(side));
     let mut strips = rendering.strips().with_sides(&shown.cloned().collect::<Vec<_>>());
     while let Some(strip) = strips.next_rows() {
         let plain = || Cow::Borrowed(strip.last());
         let of_rows = rows(&strip);
-        let errors = with_errors.map(|it| it.get(&it.errors, of_rows.clone()));
+        let further = estimated.map(|it| it.parts(of_rows.clone())).unwrap_or_default();
         let values = estimated.map_or_else(plain, |it| it.get(&it.values, of_rows).into());
-        picture.push(&strip, &values, errors.as_deref())?;
+        picture.push(&strip, &values, &further.iter().map(Vec::as_slice).collect::<Vec<_>>())?;
     }
     picture.finish()?;
     files.commit()

@@ -8,11 +8,11 @@ use super::{
         sample::GROUPS,
     },
     cells::{Cells, Held},
-    layers::Strip,
+    layers::{EMITTED, Strip},
     panel::Panel,
     weights::{Gain, Weights},
 };
-use crate::{Error, Estimates, Fitted, SequenceBatch, Status};
+use crate::{Error, Estimates, Fitted, Grid, SequenceBatch, Status};
 
 /// A [`PictureGuard`](super::PictureGuard) that has measured its experts on a picture.
 pub(super) struct FittedPicture<'a> {
@@ -63,48 +63,64 @@ impl<'a> FittedPicture<'a> {
             first: grid.first_row() as usize + inner.start,
         };
         let (values, status, errors) = out.reset_with_errors(last.len());
-        // `[row][channel]`
-        let mut places: Vec<Vec<Output<'_>>> = Vec::new();
-        places.resize_with(inner.len(), Vec::new);
+        let mut weights = vec![0.0; self.judgement.experts.len() * pixels];
+        let mut outputs: Vec<RowOutput<'_>> = Vec::new();
+        outputs.resize_with(inner.len(), RowOutput::default);
         let planes = values.chunks_exact_mut(pixels).zip(status.chunks_exact_mut(pixels));
         for ((values, status), errors) in planes.zip(errors.chunks_exact_mut(pixels)) {
             let parts = values.chunks_exact_mut(width).zip(status.chunks_exact_mut(width));
             let parts = parts.zip(errors.chunks_exact_mut(width));
-            for (row, ((values, status), errors)) in places.iter_mut().zip(parts) {
-                row.push(Output { values, status, errors });
+            for (row, ((values, status), errors)) in outputs.iter_mut().zip(parts) {
+                row.channels.push(Output { values, status, errors });
             }
         }
-        let places = places.into_par_iter().enumerate();
-        places.for_each(|(y, mut place)| self.estimate_row(&rows, y, &mut place));
+        for plane in weights.chunks_exact_mut(pixels) {
+            let parts = outputs.iter_mut().zip(plane.chunks_exact_mut(width));
+            parts.for_each(|(row, weights)| row.weights.push(weights));
+        }
+        let outputs = outputs.into_par_iter().enumerate();
+        outputs.for_each(|(y, mut out)| self.estimate_row(&rows, y, &mut out));
+        out.set_weights(weights);
+    }
+
+    /// Leaves the plain estimates of a strip, where no expert is trusted.
+    fn keep_plain(&self, batch: &SequenceBatch, status: Status, out: &mut Estimates) {
+        out.fall_back(batch, status);
+        out.errors_unknown();
+        let pixels = out.values().len() / batch.grid().map_or(1, Grid::channels);
+        out.set_weights(vec![0.0; self.judgement.experts.len() * pixels]);
     }
 
     /// Writes the estimates of one of some rows.
-    fn estimate_row(&self, rows: &Rows<'_>, y: usize, places: &mut [Output<'_>]) {
-        let (pixels, channels) = (rows.pixels, places.len());
+    fn estimate_row(&self, rows: &Rows<'_>, y: usize, out: &mut RowOutput<'_>) {
+        let (pixels, channels) = (rows.pixels, out.channels.len());
         let mut changes = vec![0.0; channels];
         for x in 0..rows.width {
             let pixel = y * rows.width + x;
             let lanes = (pixel..channels * pixels).step_by(pixels);
             changes.fill(0.0);
             let mut variance = 0.0;
-            for (layer, weights) in rows.layers.iter().zip(&self.weights) {
+            for (number, (layer, weights)) in rows.layers.iter().zip(&self.weights).enumerate() {
                 let (w, of_layer) = weights.at(x, rows.first + y, layer.places[pixel]);
                 // Where a layer has no lanes it has no variance, either, and that is a NaN.
                 variance += of_layer.max(0.0);
                 for (sum, lane) in changes.iter_mut().zip(lanes.clone()) {
                     *sum += layer.changes.iter().zip(w).map(|(of, w)| w * of[lane]).sum::<f32>();
                 }
+                if number != EMITTED {
+                    out.weights.iter_mut().zip(w).for_each(|(weights, w)| weights[x] = w);
+                }
             }
             // Of its lanes, the one whose samples differ more has more of it.
             let sum: f32 = lanes.clone().map(|lane| rows.variances[lane]).sum();
-            for ((place, lane), change) in places.iter_mut().zip(lanes).zip(&changes) {
+            for ((out, lane), change) in out.channels.iter_mut().zip(lanes).zip(&changes) {
                 let share = channels as f32 * rows.variances[lane] / sum;
                 let share = if share.is_finite() { share } else { 1.0 };
-                place.values[x] = rows.last[lane] + change;
-                place.errors[x] = (variance * share).sqrt();
-                if !place.values[x].is_finite() {
-                    place.values[x] = rows.last[lane];
-                    (place.status[x], place.errors[x]) = (Status::NotFinite, f32::NAN);
+                out.values[x] = rows.last[lane] + change;
+                out.errors[x] = (variance * share).sqrt();
+                if !out.values[x].is_finite() {
+                    out.values[x] = rows.last[lane];
+                    (out.status[x], out.errors[x]) = (Status::NotFinite, f32::NAN);
                 }
             }
         }
@@ -123,7 +139,15 @@ struct Rows<'a> {
     first: usize,
 }
 
-/// Where the estimates of a row of a channel are written.
+/// Where the estimates of a row are written.
+#[derive(Default)]
+struct RowOutput<'a> {
+    channels: Vec<Output<'a>>,
+    /// The experts' weights, `[expert][x]`.
+    weights: Vec<&'a mut [f32]>,
+}
+
+/// Those of one channel.
 struct Output<'a> {
     values: &'a mut [f32],
     status: &'a mut [Status],
@@ -133,20 +157,21 @@ struct Output<'a> {
 impl Fitted for FittedPicture<'_> {
     fn apply(&self, batch: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
         let Some(strip) = Strip::new(batch) else {
-            out.fall_back(batch, Status::NoFolds);
+            self.keep_plain(batch, Status::NoFolds, out);
             return Ok(());
         };
         match self.panel.look(&strip, GROUPS) {
             Ok(layers) => self.estimate(&strip, &layers, out),
-            Err(_) => {
-                out.fall_back(batch, Status::ExpertFailed);
-                out.errors_unknown();
-            }
+            Err(_) => self.keep_plain(batch, Status::ExpertFailed, out),
         }
         Ok(())
     }
 
     fn estimates_errors(&self) -> bool {
+        true
+    }
+
+    fn has_weights(&self) -> bool {
         true
     }
 

@@ -139,6 +139,32 @@ fn good_estimates_are_trusted_and_the_gain_is_predicted() {
 }
 
 #[test]
+fn the_weights_of_pixels_are_those_of_the_estimates() {
+    let bias = |lane: usize| if lane % WIDTH < WIDTH / 2 { 1.0 } else { 2.0 };
+    let expert = move |grid: &Grid, lane: usize, _| (bias(lane) * truth(grid, lane)) as f32;
+    let guard = guard(vec![Box::new(Says(expert))]).without_lane();
+    let batch = picture(grid(3), 16, 3);
+    let fitted = guard.fit(&mut Whole::new(&batch)).expect("nothing fails");
+    assert!(fitted.has_weights());
+    let mut out = Estimates::default();
+    fitted.apply(&batch, &mut out).expect("nothing fails");
+    let (grid, weights) = (batch.grid().expect("a picture"), out.weights());
+    assert_eq!(weights.len(), grid.pixels());
+    for (lane, (t, s)) in out.values().iter().zip(batch.last()).enumerate() {
+        let w = weights[lane % grid.pixels()];
+        let blend = s + w * (expert(grid, lane, 0.0) - s);
+        assert!((0.0..=1.0).contains(&w) && (t - blend).abs() <= 1e-4 * t.abs(), "{lane}: {w}");
+    }
+    // Who is right on the left is trusted there, and not on the right.
+    let mean = |of: fn(usize) -> bool| {
+        let columns = weights.iter().enumerate().filter(|(pixel, _)| of(pixel % WIDTH));
+        2.0 * columns.map(|(_, w)| w).sum::<f32>() / weights.len() as f32
+    };
+    let [left, right] = [mean(|x| x < WIDTH / 2), mean(|x| x >= WIDTH / 2)];
+    assert!(left > 0.6 && right < 0.4, "{left} {right}");
+}
+
+#[test]
 fn with_many_samples_a_biased_expert_is_left() {
     let guard = guard(vec![Box::new(Says(|grid: &Grid, lane, _| 1.3 * truth(grid, lane) as f32))]);
     let guard = guard.without_lane();
