@@ -235,6 +235,12 @@ impl FittedGuard<'_> {
         &self.judgement
     }
 
+    /// The same with a further note.
+    pub(super) fn noting(mut self, note: String) -> Self {
+        self.judgement.notes.push(note);
+        self
+    }
+
     /// What the blend changes in the lanes of the inner rows of a strip, without a group of folds;
     /// 0 where it fails. That group has taught nothing of it: the other half of the chessboard has.
     pub(super) fn changes(&self, strip: &SequenceBatch, grid: &Grid, group: usize) -> Vec<f32> {

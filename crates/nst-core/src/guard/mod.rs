@@ -36,5 +36,5 @@ mod weights;
 pub use alone::Alone;
 pub use judge::Judgement;
 pub use lanes::{FittedGuard, Guard};
-pub use picture::{PictureExpert, PictureGuard, SeenFeature, SeenPicture};
+pub use picture::{PictureExpert, PictureGuard, SeenFeature, SeenPicture, TimeLimit};
 pub use seen::{Expert, Features, OfTransform, Seen};

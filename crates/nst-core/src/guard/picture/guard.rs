@@ -1,5 +1,7 @@
 //! What measures experts on a picture.
 
+use std::time::Instant;
+
 use rayon::prelude::*;
 
 use super::{
@@ -9,17 +11,14 @@ use super::{
         seen::{STATISTICS, left_out},
     },
     cells::{Cells, Division, Rows},
+    cost::{TILE, TimeLimit, tile},
     fitted::FittedPicture,
-    layers::Strip,
+    layers::{FEATURES, Strip},
     panel::{Failure, Panel},
     seen::PictureExpert,
     simplex::MOST,
 };
-use crate::{Error, Fitted, Requirements, Side, Strips, Support, Transform};
-
-/// The features that are read where there are any: by fold, as they are as noisy as radiance where
-/// a pixel sees several surfaces.
-const FEATURES: &[Side] = Side::FEATURES.split_at(4).1;
+use crate::{Error, Fitted, Requirements, Strips, Support, Transform, Whole};
 
 /// Blends the plain estimate with experts that look at neighbours, and with the [`Guard`] of
 /// lanes, as far as samples that were held out support it. Without a [`Grid`](crate::Grid), it
@@ -29,7 +28,11 @@ pub struct PictureGuard {
     /// Whether the guard of lanes is one of the experts.
     blends_lane: bool,
     experts: Vec<Box<dyn PictureExpert>>,
+    limit: TimeLimit,
 }
+
+/// Pictures of fewer tiles take so little time that it is not worth measuring.
+const LEAST_TILES: usize = 16;
 
 impl PictureGuard {
     /// The most experts that look at neighbours.
@@ -47,13 +50,20 @@ impl PictureGuard {
                 format!("{count} experts that look at neighbours; at most {most} can be blended");
             return Err(Error::Batch(message));
         }
-        Ok(Self { lane, blends_lane: true, experts })
+        Ok(Self { lane, blends_lane: true, experts, limit: TimeLimit::default() })
     }
 
     /// The same without the blend of the guard of lanes.
     #[must_use]
     pub fn without_lane(self) -> Self {
         Self { blends_lane: false, ..self }
+    }
+
+    /// The same within a limit: where the experts would take longer for a large picture, by what they
+    /// take for a tile, the guard of lanes goes on alone.
+    #[must_use]
+    pub fn within(self, limit: TimeLimit) -> Self {
+        Self { limit, ..self }
     }
 
     /// How many rows beside a strip its experts read.
@@ -100,6 +110,36 @@ impl PictureGuard {
         }
         Ok(Ok(cells))
     }
+
+    /// Why the experts are left out of a picture of so many pixels, if they would take longer than
+    /// they may.
+    fn too_slow(
+        &self,
+        panel: &Panel<'_>,
+        pixels: usize,
+        (channels, has_features): (usize, bool),
+    ) -> Result<Option<String>, Error> {
+        let Some(limit) = self.limit.get().filter(|_| pixels >= LEAST_TILES * TILE) else {
+            return Ok(None);
+        };
+        let tile = tile(channels, has_features)?;
+        let start = Instant::now();
+        if self.measure(panel, &mut Whole::new(&tile), TILE)?.is_err() {
+            return Ok(None);
+        }
+        // Experts look at all folds and without each group, and when all is measured, once more.
+        let looks = (GROUPS + 2) as f64 / (GROUPS + 1) as f64;
+        let time = start.elapsed().mul_f64(looks * pixels as f64 / TILE as f64);
+        let names: Vec<&str> = self.experts.iter().map(|expert| expert.name()).collect();
+        Ok((time > limit).then(|| {
+            format!(
+                "left out: {}, which would take about {:.1} s, and may take {:.1} s",
+                names.join(", "),
+                time.as_secs_f64(),
+                limit.as_secs_f64()
+            )
+        }))
+    }
 }
 
 impl Transform for PictureGuard {
@@ -112,13 +152,19 @@ impl Transform for PictureGuard {
     fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
         let lane = self.lane.measure(strips)?;
         strips.rewind(0)?;
-        let has_grid = strips.next_strip()?.is_some_and(|strip| strip.grid().is_some());
-        let Some((counts, unit, pixels)) = lane.of_batch().filter(|_| has_grid) else {
+        let like = strips.next_strip()?.and_then(|strip| {
+            let has_features = strip.sides().any(|(side, _)| side.is_feature());
+            Some((strip.grid()?.channels(), has_features))
+        });
+        let (Some((counts, unit, pixels)), Some(like)) = (lane.of_batch(), like) else {
             return Ok(Box::new(lane));
         };
         let mut notes = lane.judgement().notes.clone();
         let experts = self.experts.iter().map(|expert| &**expert).collect();
         let mut panel = Panel { lane, blends_lane: self.blends_lane, experts, counts, unit };
+        if let Some(why) = self.too_slow(&panel, pixels, like)? {
+            return Ok(Box::new(panel.lane.noting(why)));
+        }
         loop {
             match self.measure(&panel, strips, pixels)? {
                 Ok(cells) => return Ok(Box::new(FittedPicture::new(panel, &cells, notes))),

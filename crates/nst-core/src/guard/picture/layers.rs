@@ -10,6 +10,10 @@ use super::{
 };
 use crate::{FOLDS, Grid, SequenceBatch, Side, filter::mean_over_folds};
 
+/// The features that are read where there are any: by fold, as they are as noisy as radiance where
+/// a pixel sees several surfaces.
+pub(super) const FEATURES: &[Side] = Side::FEATURES.split_at(4).1;
+
 /// What is read of a strip.
 pub(super) struct Strip<'a> {
     pub(super) batch: &'a SequenceBatch,

@@ -16,6 +16,7 @@
 //! Emission that the camera sees directly is a layer with sums and weights of its own.
 
 mod cells;
+mod cost;
 mod fitted;
 mod guard;
 mod layers;
@@ -25,6 +26,7 @@ mod seen;
 mod simplex;
 mod weights;
 
+pub use cost::TimeLimit;
 pub use guard::PictureGuard;
 pub use seen::{PictureExpert, SeenFeature, SeenPicture};
 

@@ -1,6 +1,6 @@
 //! The guard on pictures whose true values are known.
 
-use std::{borrow::Cow, sync::Mutex};
+use std::{borrow::Cow, sync::Mutex, time::Duration};
 
 use ndarray::Array2;
 
@@ -177,6 +177,36 @@ fn with_many_samples_a_biased_expert_is_left() {
     // With V = .0004 I² and β² = .09 I², half a percent is gained; as much again is noise.
     let ratio = ratio(&guard, 4096, 2);
     assert!((ratio - 1.0).abs() < 0.02, "{ratio}");
+}
+
+/// On a large picture, the guard of lanes goes on alone where others would take too long, and says so.
+#[test]
+fn experts_keep_within_their_time() {
+    let guard = |limit: Option<f64>| {
+        let expert = Says(|grid: &Grid, lane, _| truth(grid, lane) as f32);
+        let of_time = TimeLimit::default();
+        let guard = guard(vec![Box::new(expert)]).within(of_time.clone());
+        limit.into_iter().for_each(|seconds| of_time.set(Duration::from_secs_f64(seconds)));
+        guard
+    };
+    let judged = |limit, grid: Grid| {
+        let lanes: Vec<f32> = (0..grid.lanes()).map(|lane| truth(&grid, lane) as f32).collect();
+        let mut batch = SequenceBatch::from_last(&lanes, 4).expect("lanes");
+        batch.set_grid(grid).expect("as many lanes");
+        for side in Side::of_sums(4) {
+            batch.set_side(side.clone(), lanes.clone()).expect("one value per lane");
+        }
+        let guard = guard(limit);
+        let fitted = guard.fit(&mut Whole::new(&batch)).expect("nothing fails");
+        (fitted.has_weights(), fitted.judgement().expect("it has judged").notes.join("; "))
+    };
+    let large = Grid::new(1024, 640, 1, 0).expect("a grid");
+    for limit in [None, Some(1e6)] {
+        assert_eq!(judged(limit, large), (true, String::new()));
+    }
+    let (has_weights, notes) = judged(Some(1e-6), large);
+    assert!(!has_weights && notes.contains("left out: told, which would take"), "{notes}");
+    assert_eq!(judged(Some(1e-6), grid(1)), (true, String::new()), "a small one takes no time");
 }
 
 /// An expert that looks around: the mean of the pixels one row above and below.
