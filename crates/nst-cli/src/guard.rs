@@ -3,7 +3,7 @@
 use nst_core::{
     Error as CoreError, Estimates, Fitted, Identity, MlpCpu, Network, Requirements, SampleMlp,
     SequenceBatch, Strips, Transform, Weights, WelchFilter,
-    guard::{Expert, Guard, Judgement, OfTransform, PictureExpert, PictureGuard},
+    guard::{Expert, Guard, Judgement, OfTransform, PictureExpert, PictureGuard, TimeLimit},
 };
 
 use crate::{
@@ -29,10 +29,15 @@ pub(crate) struct Guarded {
     pub(crate) transform: Box<dyn Transform>,
     /// Why one of all experts takes no part.
     pub(crate) missing: Option<String>,
+    /// The longest time that experts may take which nobody has named.
+    pub(crate) limit: TimeLimit,
 }
 
-/// The guard over the experts of a list, which are its own if the list is empty, for samples of
-/// this sampler. The first networks that see samples are also fitted again, as many as there is
+/// The experts if nobody names any.
+const DEFAULT: [ExpertArg; 2] = [ExpertArg::Lane, ExpertArg::Filter];
+
+/// The guard over the experts of a list, for samples of this sampler. If the list is empty, these are
+/// its own and the filter, which keeps within the limit. The first networks that see samples are also fitted again, as many as there is
 /// room for.
 ///
 /// # Errors
@@ -44,8 +49,11 @@ pub(crate) fn guard(
     adapter: &Adapter,
     common: &CommonArgs,
 ) -> Result<Guarded, Error> {
-    let All { list, mut oidn, missing } = All::of(list, common);
-    let lanes = list.is_empty() || list.contains(&ExpertArg::Lane);
+    let named = if list.is_empty() { &DEFAULT } else { list };
+    let limit = TimeLimit::default();
+    let within = list.is_empty().then(|| limit.clone()).unwrap_or_default();
+    let All { list, mut oidn, missing } = All::of(named, common);
+    let lanes = list.contains(&ExpertArg::Lane);
     let mut networks = Vec::new();
     let mut of_pictures: Vec<Box<dyn PictureExpert>> = Vec::new();
     for arg in &list {
@@ -59,7 +67,7 @@ pub(crate) fn guard(
             other => networks.push(other),
         }
     }
-    let guarded = |transform| Guarded { transform, missing };
+    let guarded = |transform| Guarded { transform, missing, limit };
     let refits = Guard::MOST_EXPERTS.saturating_sub(networks.len());
     let networks = networks.into_iter().enumerate();
     let networks = networks.map(|(i, arg)| expert(arg, i < refits, backend, adapter));
@@ -87,7 +95,7 @@ pub(crate) fn guard(
     if of_pictures.is_empty() {
         return Ok(guarded(Box::new(guard)));
     }
-    let guard = PictureGuard::new(guard, of_pictures).map_err(usage)?;
+    let guard = PictureGuard::new(guard, of_pictures).map_err(usage)?.within(within);
     Ok(guarded(Box::new(if lanes { guard } else { guard.without_lane() })))
 }
 

@@ -1,13 +1,13 @@
 //! Which transformation the command line asks for, and what it runs on.
 
-use std::{path::Path, sync::Arc};
+use std::{path::Path, sync::Arc, time::Duration};
 
 #[cfg(feature = "gpu")]
 use nst_core::gpu::{AdapterKind, FilterGpu, Gpu, MlpGpu};
 use nst_core::{
     Estimates, Identity, MlpCpu, Network, SampleNetwork, SequenceBatch, Side, Transform, Weights,
     Whole,
-    guard::{Alone, Judgement},
+    guard::{Alone, Judgement, TimeLimit},
     methods::method,
 };
 
@@ -51,7 +51,15 @@ pub(crate) struct Method {
     pub(crate) needs_statistics: Option<String>,
     /// Why one of all experts takes no part.
     pub(crate) missing: Option<String>,
+    /// The longest time that experts may take which nobody has named.
+    pub(crate) limit: TimeLimit,
 }
+
+/// What others may take at most: no more time than so many samples would, relative to those that
+/// there are, as would lower MSE by as much as the filter does on average; or this time, in which
+/// nobody waits for long. (docs/neighbours.md)
+const OF_RENDERING: f64 = 1.0 / 3.0;
+const AT_LEAST: Duration = Duration::from_secs(1);
 
 impl Method {
     /// The method that the options ask for, for samples of this sampler; its name is empty
@@ -91,11 +99,21 @@ impl Method {
         common: &CommonArgs,
     ) -> Result<Self, Error> {
         let adapter = Adapter::default();
-        let Guarded { transform, missing } = guard(experts, sampler, backend, &adapter, common)?;
-        Ok(Self { adapter, missing, ..Self::on_cpu(TransformArg::Auto.name(), BLENDS, transform) })
+        let guarded = guard(experts, sampler, backend, &adapter, common)?;
+        let Guarded { transform, missing, limit } = guarded;
+        let method = Self::on_cpu(TransformArg::Auto.name(), BLENDS, transform);
+        Ok(Self { adapter, missing, limit, ..method })
     }
 
-    /// The method of a name; `auto` with the guard's own experts, for independent folds.
+    /// Takes how long the samples took that it will transform. Without that, experts may take any
+    /// time.
+    pub(crate) fn rendered_in(&self, seconds: f32) {
+        if let Ok(time) = Duration::try_from_secs_f32(seconds) {
+            self.limit.set(time.mul_f64(OF_RENDERING).max(AT_LEAST));
+        }
+    }
+
+    /// The method of a name; `auto` with the experts that it has by default, for independent folds.
     pub(crate) fn named(transform: TransformArg, backend: BackendArg) -> Result<Self, Error> {
         match transform {
             TransformArg::Auto => Self::auto(&[], "", backend, &CommonArgs::default()),
@@ -208,7 +226,8 @@ impl Method {
 
     fn on_cpu(name: &str, reason: &'static str, transform: Box<dyn Transform>) -> Self {
         let (name, adapter) = (name.to_owned(), Adapter::default());
-        Self { name, reason, adapter, transform, needs_statistics: None, missing: None }
+        let limit = TimeLimit::default();
+        Self { name, reason, adapter, transform, needs_statistics: None, missing: None, limit }
     }
 
     /// A network that sees samples, without the guard; `option` asks for it.

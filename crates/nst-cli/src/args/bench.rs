@@ -76,7 +76,7 @@ pub(crate) struct BenchSceneArgs {
     #[arg(long, value_name = "METHOD", value_delimiter = ',', num_args = 1.., hide_possible_values = true, value_parser = transform())]
     pub(crate) transform: Vec<TransformArg>,
     /// Experts that `auto` may trust; with other names than `auto` alone, the table can compare
-    /// several lists. [default: lane]
+    /// several lists. [default: lane,filter, however long the filter takes]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = expert)]
     pub(crate) experts: Vec<ExpertArg>,
     /// Also measure networks of these safetensors files, under the names of the files. A bench

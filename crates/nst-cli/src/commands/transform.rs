@@ -59,10 +59,11 @@ fn write(
     let before = format!("reading {}", args.sequence.display());
     let progress = Progress::count(&before, "transform", lanes_in_all, &args.common);
     let mut strips = TimedStrips { strips: reader, time: Duration::ZERO };
+    let seconds = Some(info.render_seconds).filter(|&seconds| seconds > 0.0);
+    seconds.into_iter().for_each(|seconds| method.rendered_in(seconds));
     let fitted = method.transform.fit(&mut strips)?;
     watch.transform += start.elapsed().saturating_sub(strips.time);
 
-    let seconds = Some(info.render_seconds).filter(|&seconds| seconds > 0.0);
     let about = header(info.samples(), seconds, fitted.judgement());
     let further = Further::of(&*fitted);
     let mut picture = files.begin(info.size, info.model, &info.sides, &further, &about)?;

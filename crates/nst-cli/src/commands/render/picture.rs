@@ -158,11 +158,12 @@ impl Job<'_> {
             .into_iter()
             .for_each(|path| written.push(path));
         let samples = rendering.samples();
+        let seconds = spent + rendering.time.as_secs_f32();
+        method.rendered_in(seconds);
         let transformed = timed(&mut watch.transform, || {
             estimator.and_then(|it| caught(|| it.finish(&rendering)))
         });
         let fitted = transformed.map(|fitted| estimated.complete(&*fitted));
-        let seconds = spent + rendering.time.as_secs_f32();
         let shown = fitted.is_ok().then_some(&estimated);
         let with_features = args.features || args.resume.is_some();
         let judgement = shown.and_then(|it| it.outcome.judgement.as_ref());
