@@ -111,9 +111,7 @@ impl Transform for PictureGuard {
 
     fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
         let lane = self.lane.measure(strips)?;
-        strips.rewind(0)?;
-        let has_grid = strips.next_strip()?.is_some_and(|strip| strip.grid().is_some());
-        let Some((counts, unit, pixels)) = lane.of_batch().filter(|_| has_grid) else {
+        let Some((counts, unit, pixels)) = lane.of_picture() else {
             return Ok(Box::new(lane));
         };
         let mut notes = lane.judgement().notes.clone();
