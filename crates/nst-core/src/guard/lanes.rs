@@ -1,24 +1,23 @@
 //! The guard over experts that look at lanes one by one.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::{
     judge::{ErrorRatios, Judgement, judge},
     refit::{Adapting, Refit},
     regression::Regressions,
-    sample::{
-        CHUNK, FoldMeans, FurtherMeans, GROUPS, Sample, fold_means, further_means, part_of,
-        shares_without,
-    },
+    sample::{CHUNK, FoldMeans, FurtherMeans, GROUPS, Sample, fold_means, further_means, part_of},
     seen::{Expert, STATISTICS, left_out, to_changes},
     simplex::MOST,
     table::Table,
     view::{Lanes, View},
-    weights::{CORRECTIONS, Changes, Weights, strata},
+    weights::{CORRECTIONS, Changes, Strata, Weights, strata},
 };
 use crate::{
     Error, Estimates, FOLDS, Fit, Fitted, FurtherPowers, Grid, Power, Requirements, SequenceBatch,
-    Status, Strips, Transform, filter::mean_over_folds,
+    Status, Strips, Transform,
 };
 
 /// Blends the plain estimate with experts as far as samples that were held out support it.
@@ -52,6 +51,8 @@ struct Learnt {
     powers: Vec<Power>,
     /// How many pixels the batch has.
     pixels: usize,
+    /// Whether they are those of a picture.
+    has_grid: bool,
 }
 
 /// The experts that learn from the batch.
@@ -167,8 +168,9 @@ impl Guard {
         let (judgement, errors) =
             judge(&changes, &weights, names.map(str::to_owned).collect(), notes);
         let powers = sample.further().into_iter().map(|(power, _)| power).collect();
-        let pixels = sample.pixels_of_batch();
-        let learnt = Learnt { corrections, weights, errors, unit, counts, powers, pixels };
+        let (pixels, has_grid) = (sample.pixels_of_batch(), sample.has_grid);
+        let learnt =
+            Learnt { corrections, weights, errors, unit, counts, powers, pixels, has_grid };
         FittedGuard { experts, refits, learnt: Ok(learnt), judgement }
     }
 
@@ -244,87 +246,98 @@ impl FittedGuard<'_> {
     /// What the blend changes in the lanes of the inner rows of a strip, without a group of folds;
     /// 0 where it fails. That group has taught nothing of it: the other half of the chessboard has.
     pub(super) fn changes(&self, strip: &SequenceBatch, grid: &Grid, group: usize) -> Vec<f32> {
-        let (Ok(learnt), Some(means)) = (&self.learnt, fold_means(strip)) else {
-            return vec![0.0; grid.inner(strip.last()).len()];
-        };
-        let mut estimates = Estimates::default();
-        if self.without(group, learnt, strip, &means, &mut estimates).is_err() {
-            return vec![0.0; grid.inner(strip.last()).len()];
-        }
-        let mut changes = grid.inner(estimates.values()).into_owned();
-        if group == GROUPS {
-            to_changes(&mut changes, &grid.inner(strip.last()));
-        } else {
-            let plain = mean_over_folds(&means[0], &shares_without(&learnt.counts, group));
-            to_changes(&mut changes, &grid.inner(&plain));
+        let of_channel = grid.inner_rows().len() * grid.width();
+        let mut changes = vec![0.0; grid.channels() * of_channel];
+        let (Ok(learnt), Some(means)) = (&self.learnt, fold_means(strip)) else { return changes };
+        let further = further_means(strip, &learnt.powers);
+        let statistics = Statistics { learnt, strip, means, further };
+        let planes = changes.par_chunks_exact_mut(of_channel).enumerate();
+        let done = planes.try_for_each(|(channel, plane)| {
+            let start = grid.lanes_of(channel, grid.inner_rows()).start;
+            let chunks = plane.par_chunks_mut(CHUNK).enumerate();
+            chunks.try_for_each(|(number, changes)| {
+                let first = start + number * CHUNK;
+                let chunk = statistics.of(first..first + changes.len());
+                let Blend { values, lanes, finite, .. } = self.blend(group, &chunk)?;
+                changes.copy_from_slice(&values);
+                to_changes(changes, &lanes.mean);
+                let unknown = changes.iter_mut().zip(finite).filter(|(_, finite)| !finite);
+                unknown.for_each(|(change, _)| *change = 0.0);
+                Ok::<_, Error>(())
+            })
+        });
+        if done.is_err() {
+            changes.fill(0.0);
         }
         changes
     }
 
-    /// Estimates all lanes of a strip without a group; of all folds, if there is no such group.
-    fn without(
-        &self,
-        group: usize,
-        learnt: &Learnt,
-        strip: &SequenceBatch,
-        means: &FoldMeans<'_>,
-        out: &mut Estimates,
-    ) -> Result<(), Error> {
-        let further = further_means(strip, &learnt.powers);
-        let (values, status, errors) = out.reset_with_errors(strip.lanes());
-        let chunks = values.par_chunks_mut(CHUNK).zip(status.par_chunks_mut(CHUNK));
-        let chunks = chunks.zip(errors.par_chunks_mut(CHUNK));
-        chunks.enumerate().try_for_each(|(number, ((values, status), errors))| {
-            let first = number * CHUNK;
-            let range = first..first + values.len();
-            let means = means.map(|folds| folds.map(|fold| &fold[range.clone()]));
-            let further = part_of(&further, &range);
-            let chunk = Chunk { strip, first, last: &strip.last()[range], means, further };
-            self.estimate(group, learnt, &chunk, values, status, errors)
-        })
-    }
-
     /// The numbers of samples in the folds, the unit, and the number of the batch's pixels, if
-    /// anything was learnt.
-    pub(super) fn of_batch(&self) -> Option<([f64; FOLDS], f64, usize)> {
-        let learnt = self.learnt.as_ref().ok()?;
+    /// anything was learnt of a picture.
+    pub(super) fn of_picture(&self) -> Option<([f64; FOLDS], f64, usize)> {
+        let learnt = self.learnt.as_ref().ok().filter(|learnt| learnt.has_grid)?;
         Some((learnt.counts, learnt.unit, learnt.pixels))
     }
 
-    /// The estimates of some lanes and their errors.
-    fn estimate(
-        &self,
-        group: usize,
-        learnt: &Learnt,
-        chunk: &Chunk<'_>,
-        values: &mut [f32],
-        status: &mut [Status],
-        errors: &mut [f32],
-    ) -> Result<(), Error> {
-        let Learnt { corrections, weights, errors: ratios, unit, counts, .. } = learnt;
+    /// Blends estimates of some lanes without a group; of all folds, if there is no such group.
+    fn blend(&self, group: usize, chunk: &Chunk<'_>) -> Result<Blend, Error> {
+        let Learnt { corrections, weights, unit, counts, .. } = chunk.learnt;
         let mut view = View::new(&chunk.means, &chunk.further, counts, group, Some(*unit));
         let finite = view.finite();
         if group == GROUPS {
             view.mean.copy_from_slice(chunk.last);
         }
         let of_experts = self.experts.iter().map(|expert| change(*expert, &view));
-        let halves = chunk.strip.halves(chunk.first..chunk.first + values.len());
+        let halves = &chunk.halves;
         let half = |lane: usize| usize::from(halves[lane]);
         let of_refits = self.refits.iter().map(|refit| refit.changes_of(&view, half));
         let of_experts = of_experts.chain(of_refits).collect::<Result<Vec<_>, _>>()?;
         let lanes = view.lanes();
-        let mut changes = corrections.changes(&lanes, &halves);
+        let mut changes = corrections.changes(&lanes, halves);
         changes.extend(of_experts);
         let strata = strata(&lanes, &changes[0]);
-        for (lane, (value, strata)) in values.iter_mut().zip(strata).enumerate() {
-            *value = weights.blend(strata, half(lane), lanes.mean[lane], &changes, lane);
-            errors[lane] = lanes.variance[lane].sqrt() * ratios.at(strata) as f32;
-            if !(finite[lane] && value.is_finite()) {
-                (*value, status[lane], errors[lane]) =
-                    (chunk.last[lane], Status::NotFinite, f32::NAN);
+        let value = |(lane, &strata): (usize, &Strata)| {
+            weights.blend(strata, half(lane), lanes.mean[lane], &changes, lane)
+        };
+        let values = strata.iter().enumerate().map(value).collect();
+        Ok(Blend { values, finite, strata, lanes })
+    }
+
+    /// The estimates of all lanes of a strip, and their errors.
+    fn estimate(&self, statistics: &Statistics<'_>, out: &mut Estimates) -> Result<(), Error> {
+        let (values, status, errors) = out.reset_with_errors(statistics.strip.lanes());
+        let chunks = values.par_chunks_mut(CHUNK).zip(status.par_chunks_mut(CHUNK));
+        let chunks = chunks.zip(errors.par_chunks_mut(CHUNK));
+        chunks.enumerate().try_for_each(|(number, ((values, status), errors))| {
+            let first = number * CHUNK;
+            let chunk = statistics.of(first..first + values.len());
+            let blend = self.blend(GROUPS, &chunk)?;
+            for (lane, value) in values.iter_mut().enumerate() {
+                if blend.finite[lane] && blend.values[lane].is_finite() {
+                    *value = blend.values[lane];
+                    errors[lane] = blend.error(lane, &chunk.learnt.errors);
+                } else {
+                    (*value, status[lane]) = (chunk.last[lane], Status::NotFinite);
+                }
             }
-        }
-        Ok(())
+            Ok(())
+        })
+    }
+}
+
+/// What the guard says of some lanes, `[lane]`.
+struct Blend {
+    values: Vec<f32>,
+    /// Whether all is finite that the values depend on.
+    finite: Vec<bool>,
+    strata: Vec<Strata>,
+    lanes: Lanes,
+}
+
+impl Blend {
+    /// The standard error of a value.
+    fn error(&self, lane: usize, ratios: &ErrorRatios) -> f32 {
+        self.lanes.variance[lane].sqrt() * ratios.at(self.strata[lane]) as f32
     }
 }
 
@@ -345,13 +358,34 @@ impl<'a> Fit<'a> for Learning<'a> {
     }
 }
 
+/// What is read of a strip.
+struct Statistics<'a> {
+    learnt: &'a Learnt,
+    strip: &'a SequenceBatch,
+    means: FoldMeans<'a>,
+    further: FurtherMeans<'a>,
+}
+
 /// Lanes of a strip that follow each other.
 struct Chunk<'a> {
-    strip: &'a SequenceBatch,
-    first: usize,
+    learnt: &'a Learnt,
+    halves: Vec<u8>,
     last: &'a [f32],
     means: FoldMeans<'a>,
     further: FurtherMeans<'a>,
+}
+
+impl<'a> Statistics<'a> {
+    /// Those of some lanes.
+    fn of(&self, lanes: Range<usize>) -> Chunk<'a> {
+        Chunk {
+            learnt: self.learnt,
+            halves: self.strip.halves(lanes.clone()),
+            means: self.means.map(|folds| folds.map(|fold| &fold[lanes.clone()])),
+            further: part_of(&self.further, &lanes),
+            last: &self.strip.last()[lanes],
+        }
+    }
 }
 
 impl Transform for Guard {
@@ -381,7 +415,8 @@ impl Fitted for FittedGuard<'_> {
                 return Ok(());
             }
         };
-        if self.without(GROUPS, learnt, strip, &means, out).is_err() {
+        let further = further_means(strip, &learnt.powers);
+        if self.estimate(&Statistics { learnt, strip, means, further }, out).is_err() {
             out.fall_back(strip, Status::ExpertFailed);
             out.errors_unknown();
         }

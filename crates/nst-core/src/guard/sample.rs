@@ -49,6 +49,8 @@ pub(super) struct Sample {
     samples: u32,
     /// Whether a strip had no statistics of folds.
     lacks_folds: bool,
+    /// Whether the strips are rows of a picture.
+    pub(super) has_grid: bool,
     /// How many pixels the strips have had so far, by how many zeros their hashes begin with.
     zeros: [usize; ZEROS],
 }
@@ -75,6 +77,7 @@ impl Default for Sample {
             counts: [0.0; FOLDS],
             samples: 0,
             lacks_folds: false,
+            has_grid: false,
             zeros: [0; ZEROS],
         }
     }
@@ -171,6 +174,7 @@ impl Sample {
     /// Adds the pixels of the next strip whose hashes begin with the most zeros. Which are left
     /// in the end does not depend on how the batch is cut.
     fn add_pixels(&mut self, strip: &SequenceBatch, means: &FoldMeans<'_>) {
+        self.has_grid = strip.grid().is_some();
         self.channels = strip.grid().map_or(1, |grid| grid.channels());
         let pixels = strip.lanes() / self.channels;
         let first = self.pixels_of_batch();

@@ -32,9 +32,9 @@ impl TimeLimit {
     }
 }
 
-/// A tile of noise, as what is even might take less time; with the features of others, or without.
-pub(super) fn tile(channels: usize, with_features: bool) -> Result<SequenceBatch, Error> {
-    let grid = Grid::new(SIDE, SIDE, channels as u32, 0)?;
+/// A tile of noise in three channels, with features: what is even, or has less, may take less time.
+pub(super) fn tile() -> Result<SequenceBatch, Error> {
+    let grid = Grid::new(SIDE, SIDE, 3, 0)?;
     let mut random = SplitMix64(0);
     let mut noise = |side: &Side| -> Vec<f32> {
         let count = if side.extent() == Extent::Vector { 3 * TILE } else { grid.lanes() };
@@ -44,8 +44,7 @@ pub(super) fn tile(channels: usize, with_features: bool) -> Result<SequenceBatch
     };
     let mut batch = SequenceBatch::from_last(&noise(&Side::Fold(0)), 16)?;
     batch.set_grid(grid)?;
-    let features = if with_features { FEATURES } else { &[] };
-    for side in Side::of_sums(16).chain(features) {
+    for side in Side::of_sums(16).chain(FEATURES) {
         batch.set_side(side.clone(), noise(side))?;
     }
     Ok(batch)

@@ -117,12 +117,11 @@ impl PictureGuard {
         &self,
         panel: &Panel<'_>,
         pixels: usize,
-        (channels, has_features): (usize, bool),
     ) -> Result<Option<String>, Error> {
         let Some(limit) = self.limit.get().filter(|_| pixels >= LEAST_TILES * TILE) else {
             return Ok(None);
         };
-        let tile = tile(channels, has_features)?;
+        let tile = tile()?;
         let start = Instant::now();
         if self.measure(panel, &mut Whole::new(&tile), TILE)?.is_err() {
             return Ok(None);
@@ -151,18 +150,13 @@ impl Transform for PictureGuard {
 
     fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
         let lane = self.lane.measure(strips)?;
-        strips.rewind(0)?;
-        let like = strips.next_strip()?.and_then(|strip| {
-            let has_features = strip.sides().any(|(side, _)| side.is_feature());
-            Some((strip.grid()?.channels(), has_features))
-        });
-        let (Some((counts, unit, pixels)), Some(like)) = (lane.of_batch(), like) else {
+        let Some((counts, unit, pixels)) = lane.of_picture() else {
             return Ok(Box::new(lane));
         };
         let mut notes = lane.judgement().notes.clone();
         let experts = self.experts.iter().map(|expert| &**expert).collect();
         let mut panel = Panel { lane, blends_lane: self.blends_lane, experts, counts, unit };
-        if let Some(why) = self.too_slow(&panel, pixels, like)? {
+        if let Some(why) = self.too_slow(&panel, pixels)? {
             return Ok(Box::new(panel.lane.noting(why)));
         }
         loop {
