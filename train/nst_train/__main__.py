@@ -1,4 +1,7 @@
-"""`python -m nst_train CONFIG … --out FOLDER`: trains, scores and exports networks."""
+"""`python -m nst_train CONFIG … --out FOLDER`: trains, scores and exports networks.
+
+`python -m nst_train guard-data --folder DIR` makes the pictures for one that weighs the guard's experts.
+"""
 
 import argparse
 import sys
@@ -9,10 +12,14 @@ import torch
 from nst_train import config as configs
 from nst_train import runs
 from nst_train.errors import UserError, exit_code
+from nst_train.guard_data import command as guard_data
 
 
 def main(argv: list[str] | None = None) -> int:
     """`argv` is for tests; without it, the command line. Returns the exit code."""
+    words = sys.argv[1:] if argv is None else argv
+    if words[:1] == ["guard-data"]:
+        return guard_data.main(words[1:])
     parser = argparse.ArgumentParser(prog="python -m nst_train", description=__doc__)
     parser.add_argument("config", type=Path, nargs="+", help="TOML files, for instance configs/gaussian.toml")
     parser.add_argument(
@@ -25,7 +32,7 @@ def main(argv: list[str] | None = None) -> int:
     )
     parser.add_argument("--small", action="store_true", help="the setting for two CPU cores, not the paper's")
     parser.add_argument("--device", choices=["auto", "cpu", "cuda"], default="auto", help="[default: auto]")
-    arguments = parser.parse_args(argv)
+    arguments = parser.parse_args(words)
     setting = "small" if arguments.small else "paper"
 
     def work() -> None:

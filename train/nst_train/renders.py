@@ -6,7 +6,6 @@ evaluation runs the seeds after them, the reference the next one.
 
 import hashlib
 import os
-import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,12 +13,12 @@ import numpy as np
 import torch
 
 from nst_train import dataset
+from nst_train.binary import REPOSITORY
+from nst_train.binary import run as run_nst
 from nst_train.config import RendersData
 from nst_train.dataset import Dataset
 from nst_train.errors import UserError
 from nst_train.sequences import Data, Sequences
-
-REPOSITORY = Path(__file__).resolve().parents[2]
 
 COLORS = 3
 WINDOW_KEPT = 8  # terms that `nst render --keep window` keeps
@@ -127,28 +126,9 @@ def scene_digest(scene: Path) -> str:
     return f"{scene.stem}-{digest.hexdigest()[:12]}"
 
 
-def renderer() -> Path:
-    """The `nst` binary: the environment variable NST, or the release build of this repository."""
-    path = Path(os.environ.get("NST") or REPOSITORY / "target" / "release" / "nst")
-    if not path.is_file():
-        raise UserError(
-            f"{path}: no such renderer; build it with `cargo build --release` in {REPOSITORY}, "
-            "or set the environment variable NST to an nst binary"
-        )
-    return path
-
-
 def render(scene: Path, options: list[object], dataset: Path) -> None:
     """Runs `nst render`, which writes its dataset to `dataset`."""
     dataset.parent.mkdir(parents=True, exist_ok=True)
     unfinished = dataset.with_suffix(".part.safetensors")
-    line = [renderer(), "render", "--scene", scene, *options, "-o", unfinished, "--quiet"]
-    command = [str(word) for word in line]
-    try:
-        result = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
-    except OSError as error:
-        raise UserError(f"{command[0]}: cannot run the renderer: {error.strerror}") from error
-    if result.returncode != 0 or not unfinished.is_file():
-        said = " ".join(result.stderr.split()) or "it said nothing"
-        raise UserError(f"nst render of {scene} failed ({result.returncode}): {said}")
+    run_nst("render", "--scene", scene, *options, "-o", unfinished)
     os.replace(unfinished, dataset)

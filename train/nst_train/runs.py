@@ -11,7 +11,17 @@ from pathlib import Path
 import torch
 from torch.utils.tensorboard import SummaryWriter
 
-from nst_train import checkpoint, evaluation, families, fresh, renders, results, scene_renders, weights
+from nst_train import (
+    binary,
+    checkpoint,
+    evaluation,
+    families,
+    fresh,
+    renders,
+    results,
+    scene_renders,
+    weights,
+)
 from nst_train import config as configs
 from nst_train.errors import UserError
 from nst_train.evaluation import Score
@@ -143,5 +153,5 @@ def write_description(out: Path, config: configs.Config, data: Data | SceneData,
 
 def nst_version() -> str:
     """What `nst --version` says."""
-    line = [str(renders.renderer()), "--version"]
+    line = [str(binary.renderer()), "--version"]
     return subprocess.run(line, capture_output=True, text=True, check=False).stdout.strip()

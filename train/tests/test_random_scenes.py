@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from nst_train.random_scenes import BRANCHES, images, random_scene, write
+from nst_train.random_scenes.meshes import bumps, knot, lathe, rod, star, superquadric
 from nst_train.random_scenes.shapes import FRONT, ball, box, hills
 
-SCENES = [(branch, index) for branch in BRANCHES for index in range(4)]
+SCENES = [(branch, index) for branch in BRANCHES for index in range(2)]
 
 
 def test_a_seed_decides_every_byte_and_another_changes_them(tmp_path: Path) -> None:
@@ -44,7 +45,8 @@ def test_files_fit_together(branch: str, index: int) -> None:
     used = {line[1] for line in lines if line[0] == "usemtl"}
     assert used == {line.split()[1] for line in materials.splitlines() if line.startswith("newmtl")}
     settings = tomllib.loads(files[".toml"].decode())
-    named = {line.split()[1] for line in materials.splitlines() if line.startswith("map_Kd")}
+    keys = ("map_Kd", "map_Ke", "map_d", "bump")
+    named = {line.split()[-1] for line in materials.splitlines() if line.startswith(keys)}
     named |= {settings.get("environment", {}).get("image")} - {None}
     assert named == set(scene.images)
     assert 2 <= settings["integrator"]["max_depth"] <= 12
@@ -55,7 +57,18 @@ def test_files_fit_together(branch: str, index: int) -> None:
 def test_scenes_are_of_all_kinds() -> None:
     scenes = [random_scene(branch, index, seed=1) for branch, index in SCENES]
     texts = ["\n".join(scene.materials) + scene.settings for scene in scenes]
-    for mark in ("illum 7", "Pm 1", "map_Kd", "Pr ", "Ke ", "image = ", "radiance = ", "max_depth = 8"):
+    marks = ("illum 7", "Pm 1", "map_Kd", "Pr ", "Ke ", "image = ", "radiance = ", "max_depth = 8")
+    for mark in (
+        *marks,
+        "map_Ke",
+        "map_d",
+        "bump",
+        "Ps ",
+        "Pc ",
+        "aniso",
+        'light = "',
+        "max_depth = 12",
+    ):
         assert 0 < sum(mark in text for text in texts) < len(texts), mark
     lamps = [text.count("Ke ") for text in texts]
     assert max(lamps) > 20 and lamps.count(1) > 3
@@ -80,6 +93,56 @@ def test_bodies_wind_outwards() -> None:
     for polygon, smooth in zip(polygons, normals, strict=True):
         normal = np.cross(polygon[1] - polygon[0], polygon[2] - polygon[0])
         np.testing.assert_allclose(smooth, np.tile(normal / np.linalg.norm(normal), (4, 1)), atol=1e-12)
+
+
+def test_meshes_wind_outwards_and_have_their_normals() -> None:
+    centre = np.array([1.0, 2.0, 3.0])
+    rng = np.random.default_rng(1)
+    axes = np.array([0.5, 1.0, 2.0])
+    for polygon, smooth in zip(*star(centre, superquadric(2, axes))[:2], strict=True):  # an ellipsoid
+        gradient = (polygon - centre) / axes**2
+        np.testing.assert_allclose(np.linalg.norm((polygon - centre) / axes, axis=1), 1, atol=1e-9)
+        np.testing.assert_allclose(smooth, gradient / np.linalg.norm(gradient, axis=1)[:, None], atol=1e-5)
+    profile = np.array([[0.5, 0.0], [1.0, 0.0], [1.0, 1.0], [0.5, 1.0]])
+    along = np.array([0.0, 1.0, 0.0])
+    bodies = {
+        "star": star(centre, bumps(rng, 1.0, 5, 0.3)),
+        "lathe": lathe(centre, profile),
+        "knot": knot(rng, centre, 1.0),
+        "rod": rod(centre, centre + along, 0.1),
+    }
+    for name, (polygons, normals, coordinates) in bodies.items():
+        assert len(polygons) == len(normals) == len(coordinates), name
+        for polygon, smooth in zip(polygons, normals, strict=True):
+            flat = np.cross(polygon[2] - polygon[0], polygon[-1] - polygon[1])
+            assert (smooth @ flat > 0).all(), name
+            np.testing.assert_allclose(np.linalg.norm(smooth, axis=1), 1)
+    for name in ("star", "lathe", "knot"):
+        # Closed, and inside is behind: Gauss' theorem gives the volume.
+        volume = 0.0
+        for polygon in bodies[name][0]:
+            for i in range(1, len(polygon) - 1):
+                volume += np.linalg.det(np.stack([polygon[0], polygon[i], polygon[i + 1]]) - centre) / 6
+        assert volume > 0.05, name
+    for polygon, smooth in zip(*bodies["rod"][:2], strict=True):
+        outwards = (polygon - centre) * [1, 0, 1] / 0.1
+        np.testing.assert_allclose(smooth, outwards, atol=1e-9)
+
+
+def test_textures_have_the_frequencies_they_were_given() -> None:
+    def roughness(image: np.ndarray) -> float:
+        return np.abs(np.diff(image, axis=0)).mean() / image.std()
+
+    smooth, rough = (images.fractal(np.random.default_rng(1), 64, falloff) for falloff in (1.6, 0.0))
+    assert smooth.min() == rough.min() == 0 and smooth.max() == rough.max() == 1
+    assert roughness(rough) > 3 * roughness(smooth)
+    ends = np.abs(smooth[0] - smooth[-1]).mean()
+    assert ends < 3 * np.abs(np.diff(smooth, axis=0)).mean()  # it repeats
+    assert 0.1 < images.writing(np.random.default_rng(1), 64).mean() < 0.6
+    kinds = [images.picture(np.random.default_rng(seed)) for seed in range(12)]
+    assert all(kind.shape == (128, 128, 3) and kind.min() >= 0 and kind.max() <= 1 for kind in kinds)
+    found = [roughness(kind) for kind in kinds]
+    assert max(found) > 10 * min(found)
 
 
 def test_images_contain_what_they_were_given() -> None:

@@ -4,9 +4,9 @@
     python -m nst_train.random_scenes FOLDER --branches glass maze
 
 writes FOLDER/glass-000/glass-000.obj with its MTL file, TOML file and images, and so on. A *branch* is a
-function in `branches.py` that makes one kind of scene. What must hold on unseen scenes is tested on
-branches that nothing was trained on. Scene i of a branch depends on the seed, the branch's name and i alone.
-Nothing is taken from the scenes of this repository, which are for tests.
+function that makes one kind of scene: of `branches.py`, `indoors.py`, `outside.py` or `bodies.py`. What must
+hold on unseen scenes is tested on branches that nothing was trained on. Scene i of a branch depends on the
+seed, the branch's name and i alone. Nothing is taken from the scenes of this repository, which are for tests.
 """
 
 import zlib

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from nst_train.random_scenes import parts
+from nst_train.random_scenes import bodies, indoors, outside, parts, sets
 from nst_train.random_scenes.files import RandomScene
 from nst_train.random_scenes.images import noise
 from nst_train.random_scenes.parts import Rng
@@ -16,17 +16,17 @@ from nst_train.random_scenes.shapes import FRONT, box, floor, hills, turned
 
 def room(scene: RandomScene, rng: Rng) -> None:
     """A closed room with bodies, few lamps, and the camera in it."""
-    half = _room_size(rng)
-    _walls(scene, rng, half)
+    half = sets.room_size(rng)
+    sets.walls(scene, rng, half)
     parts.add_bodies(scene, rng, half * 0.8, int(rng.integers(2, 8)))
     parts.add_lamps(scene, rng, half, ceiling=2 * half[1])
-    _camera_inside(scene, rng, half, depth=int(rng.choice([2, 3, 4, 5, 6, 8])))
+    sets.camera_inside(scene, rng, half, depth=int(rng.choice([2, 3, 4, 5, 6, 8])))
 
 
 def stage(scene: RandomScene, rng: Rng) -> None:
     """A room without its front wall, seen from outside."""
-    half = _room_size(rng)
-    _walls(scene, rng, half, left_out=(FRONT,))
+    half = sets.room_size(rng)
+    sets.walls(scene, rng, half, left_out=(FRONT,))
     parts.add_bodies(scene, rng, half * 0.8, int(rng.integers(1, 6)))
     parts.add_lamps(scene, rng, half, ceiling=2 * half[1])
     position = np.array([rng.uniform(-0.3, 0.3), half[1], half[2] + rng.uniform(1.5, 2.2) * half[1]])
@@ -38,11 +38,11 @@ def table(scene: RandomScene, rng: Rng) -> None:
     """Bodies on a large floor under lamps, perhaps before a wall."""
     parts.add_quad(scene, rng, parts.wall_material(scene, rng), floor(30), tiles=15)
     if rng.random() < 0.4:
-        parts.add_quad(scene, rng, parts.matt(rng), _back_wall())
+        parts.add_quad(scene, rng, parts.matt(rng), sets.back_wall())
     half = np.array([2.5, 1.5, 2.5])
     parts.add_bodies(scene, rng, half, int(rng.integers(1, 9)))
     parts.add_lamps(scene, rng, half * 1.6, ceiling=rng.uniform(3, 8))
-    _camera_around(scene, rng, depth=int(rng.choice([2, 2, 3, 4, 6])))
+    sets.camera_around(scene, rng, depth=int(rng.choice([2, 2, 3, 4, 6])))
     if rng.random() < 0.4:
         scene.settings += parts.glow(rng)
 
@@ -51,7 +51,7 @@ def outdoors(scene: RandomScene, rng: Rng) -> None:
     """Bodies on a floor under a sky."""
     parts.add_quad(scene, rng, parts.wall_material(scene, rng), floor(30), tiles=15)
     parts.add_bodies(scene, rng, np.array([2.5, 1.5, 2.5]), int(rng.integers(2, 9)))
-    _camera_around(scene, rng, depth=int(rng.choice([2, 3, 4, 6, 8])))
+    sets.camera_around(scene, rng, depth=int(rng.choice([2, 3, 4, 6, 8])))
     scene.settings += parts.sky(scene, rng)
 
 
@@ -79,7 +79,7 @@ def thicket(scene: RandomScene, rng: Rng) -> None:
             extents = np.array([width, rng.uniform(0.2, 1.2), width * rng.choice([1, 6])])
             place = np.array([rng.uniform(-2, 2), rng.uniform(0, 1.5), rng.uniform(-2, 1)])
             scene.polygons(material, box(place, turned(rng, tumbling=0.6) * extents[:, None]))
-    _camera_around(scene, rng, depth=int(rng.choice([2, 3, 4, 6])))
+    sets.camera_around(scene, rng, depth=int(rng.choice([2, 3, 4, 6])))
     if rng.random() < 0.5:
         scene.settings += parts.sky(scene, rng)
     else:
@@ -90,7 +90,7 @@ def glass(scene: RandomScene, rng: Rng) -> None:
     """Glass before small lamps, seen by long paths: caustics."""
     parts.add_quad(scene, rng, parts.wall_material(scene, rng), floor(30), tiles=15)
     if rng.random() < 0.5:
-        parts.add_quad(scene, rng, parts.matt(rng), _back_wall())
+        parts.add_quad(scene, rng, parts.matt(rng), sets.back_wall())
 
     def mostly_glass(scene: RandomScene, rng: Rng) -> str:
         return parts.glass(rng) if rng.random() < 0.65 else parts.any_material(scene, rng)
@@ -99,7 +99,7 @@ def glass(scene: RandomScene, rng: Rng) -> None:
     for _ in range(rng.integers(1, 4)):
         centre = np.array([rng.uniform(-3, 3), rng.uniform(3, 6), rng.uniform(-2, 3)])
         parts.add_lamp(scene, rng, centre, np.zeros(3), [10 ** rng.uniform(-1, 0)] * 2)
-    _camera_around(scene, rng, depth=int(rng.choice([4, 6, 8, 12])))
+    sets.camera_around(scene, rng, depth=int(rng.choice([4, 6, 8, 12])))
     if rng.random() < 0.5:
         scene.settings += parts.glow(rng)
 
@@ -107,10 +107,10 @@ def glass(scene: RandomScene, rng: Rng) -> None:
 def hall(scene: RandomScene, rng: Rng) -> None:
     """A long room with tens of lamps of all colours and sizes."""
     half = np.array([rng.uniform(2, 4), rng.uniform(1.2, 2.5), rng.uniform(4, 8)])
-    _walls(scene, rng, half)
+    sets.walls(scene, rng, half)
     parts.add_bodies(scene, rng, half * 0.8, int(rng.integers(3, 12)))
     parts.add_lamps(scene, rng, half, ceiling=2 * half[1], count=int(10 ** rng.uniform(1, 2)))
-    _camera_inside(scene, rng, half, depth=int(rng.choice([2, 3, 4, 6])))
+    sets.camera_inside(scene, rng, half, depth=int(rng.choice([2, 3, 4, 6])))
 
 
 def mirrors(scene: RandomScene, rng: Rng) -> None:
@@ -121,22 +121,22 @@ def mirrors(scene: RandomScene, rng: Rng) -> None:
 
     depth = int(rng.choice([4, 6, 8, 12]))
     if rng.random() < 0.6:
-        half = _room_size(rng)
-        _walls(scene, rng, half, polished=0.3)
+        half = sets.room_size(rng)
+        sets.walls(scene, rng, half, polished=0.3)
         parts.add_bodies(scene, rng, half * 0.8, int(rng.integers(2, 7)), mostly_metal)
         parts.add_lamps(scene, rng, half, ceiling=2 * half[1])
-        _camera_inside(scene, rng, half, depth)
+        sets.camera_inside(scene, rng, half, depth)
     else:
         parts.add_quad(scene, rng, parts.wall_material(scene, rng), floor(30), tiles=15)
         parts.add_bodies(scene, rng, np.array([2.5, 1.5, 2.5]), int(rng.integers(2, 9)), mostly_metal)
-        _camera_around(scene, rng, depth)
+        sets.camera_around(scene, rng, depth)
         scene.settings += parts.sky(scene, rng)
 
 
 def maze(scene: RandomScene, rng: Rng) -> None:
     """A room parted by walls that do not reach the sides: what the camera sees is lit around corners."""
-    half = _room_size(rng)
-    _walls(scene, rng, half)
+    half = sets.room_size(rng)
+    sets.walls(scene, rng, half)
     for z in np.linspace(-0.35, 0.25, int(rng.integers(1, 3))) * half[2]:
         gap = rng.uniform(0.3, 0.8) * half[0]
         height = rng.uniform(0.75, 1) * half[1]
@@ -147,14 +147,14 @@ def maze(scene: RandomScene, rng: Rng) -> None:
     far = np.array([rng.uniform(-0.6, 0.6) * half[0], rng.uniform(1.2, 1.9) * half[1], -0.7 * half[2]])
     target = np.array([rng.uniform(-1, 1) * half[0], rng.uniform(0, 1) * half[1], -half[2]])
     parts.add_lamp(scene, rng, far, target, [rng.uniform(0.1, 0.5)] * 2, power=3)
-    _camera_inside(scene, rng, half, depth=int(rng.choice([4, 6, 8, 12])))
+    sets.camera_inside(scene, rng, half, depth=int(rng.choice([4, 6, 8, 12])))
 
 
 def window(scene: RandomScene, rng: Rng) -> None:
     """A room that a sky lights through one opening."""
-    half = _room_size(rng)
+    half = sets.room_size(rng)
     side = 0 if rng.random() < 0.5 else 1  # of `box`: +x or −x
-    _walls(scene, rng, half, left_out=(side,))
+    sets.walls(scene, rng, half, left_out=(side,))
     x = half[0] * (1 - 2 * side)
     width, sill = rng.uniform(0.3, 0.8), rng.uniform(0, 0.5)
     lines = parts.matt(rng)
@@ -167,7 +167,7 @@ def window(scene: RandomScene, rng: Rng) -> None:
         y, z = np.array([low, low, high, high]) * half[1], np.array([begin, end, end, begin]) * half[2]
         parts.add_quad(scene, rng, lines, np.stack([np.full(4, x), y, z], axis=-1))
     parts.add_bodies(scene, rng, half * 0.7, int(rng.integers(1, 6)))
-    _camera_inside(scene, rng, half, depth=int(rng.choice([3, 4, 6, 8])))
+    sets.camera_inside(scene, rng, half, depth=int(rng.choice([3, 4, 6, 8])))
     scene.settings += parts.sky(scene, rng)
 
 
@@ -194,41 +194,18 @@ BRANCHES: dict[str, Callable[[RandomScene, Rng], None]] = {
     for branch in (
         *(room, stage, table, outdoors, plane, thicket),
         *(glass, hall, mirrors, maze, window, landscape),
+        *(indoors.lanterns, indoors.signs, indoors.gallery, indoors.colonnade, indoors.tunnel),
+        *(indoors.shaded, indoors.shelves, indoors.blinds, indoors.vases),
+        *(outside.city, outside.terraces, outside.foliage, outside.fence, outside.backlight),
+        *(outside.night, outside.water),
+        *(
+            bodies.knots,
+            bodies.blobs,
+            bodies.drapes,
+            bodies.jewels,
+            bodies.panes,
+            bodies.macro,
+            bodies.studio,
+        ),
     )
 }
-
-
-def _room_size(rng: Rng) -> np.ndarray:
-    """Half its width, height and depth."""
-    return np.array([rng.uniform(1.5, 4), rng.uniform(1.2, 2), rng.uniform(1.5, 4)])
-
-
-def _walls(
-    scene: RandomScene, rng: Rng, half: np.ndarray, left_out: tuple[int, ...] = (), polished: float = 0.0
-) -> None:
-    """The sides of a room but some; a share of them is polished."""
-    for i, wall in enumerate(box(np.array([0, half[1], 0]), np.diag(half))):
-        if i not in left_out:
-            lines = parts.mirror(rng) if rng.random() < polished else parts.wall_material(scene, rng)
-            parts.add_quad(scene, rng, lines, wall, tiles=4)
-
-
-def _back_wall() -> np.ndarray:
-    return np.array([[-30, 0, -4], [30, 0, -4], [30, 12, -4], [-30, 12, -4]], float)
-
-
-def _camera_inside(scene: RandomScene, rng: Rng, half: np.ndarray, depth: int) -> None:
-    """Near the front wall, towards the back."""
-    position = np.array([rng.uniform(-0.7, 0.7), rng.uniform(0.6, 1.7), rng.uniform(0.6, 0.9)]) * half
-    target = np.array([rng.uniform(-0.4, 0.4) * half[0], rng.uniform(0.3, 0.9) * half[1], -0.5 * half[2]])
-    scene.settings = parts.settings(rng, position, target, rng.uniform(50, 95), depth)
-
-
-def _camera_around(scene: RandomScene, rng: Rng, depth: int) -> None:
-    """In front of the y axis, some metres away, a little to the side."""
-    angle, distance = rng.uniform(-0.8, 0.8), rng.uniform(3.5, 7.5)
-    position = np.array(
-        [distance * np.sin(angle), rng.uniform(0.1, 0.7) * distance, distance * np.cos(angle)]
-    )
-    target = np.array([rng.uniform(-0.5, 0.5), rng.uniform(0.3, 1.2), 0])
-    scene.settings = parts.settings(rng, position, target, rng.uniform(28, 60), depth)

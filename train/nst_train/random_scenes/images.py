@@ -79,3 +79,48 @@ def sky(rng: np.random.Generator) -> np.ndarray:
         weight = (inside * np.sin(theta)).sum()
         radiance[inside] += 10 ** rng.uniform(2.5, 4) / weight * np.array([1, 0.9, 0.75])
     return radiance
+
+
+def fractal(rng: np.random.Generator, size: int, falloff: float) -> np.ndarray:
+    """A random function in 0 to 1 that repeats, `[row, column]`, of octaves k that weigh 2^(-falloff · k)."""
+    total = np.zeros((size, size))
+    cells = 2
+    while cells <= size:
+        grid = rng.uniform(-1, 1, (cells, cells))
+        place = np.arange(size) * cells / size
+        low, share = place.astype(int), place % 1
+        rows = grid[low] * (1 - share[:, None]) + grid[(low + 1) % cells] * share[:, None]
+        layer = rows[:, low] * (1 - share) + rows[:, (low + 1) % cells] * share
+        total += layer * 2.0 ** (-falloff * np.log2(cells))
+        cells *= 2
+    return (total - total.min()) / np.ptp(total)
+
+
+def writing(rng: np.random.Generator, size: int) -> np.ndarray:
+    """Lines of small marks with gaps, like print, 1 on 0, `[row, column]`."""
+    page = np.zeros((size, size))
+    line = int(rng.integers(4, 13))
+    for top in range(line // 2, size - line, line):
+        marks = rng.random((line - max(1, line // 3), size)) < 0.55
+        words = np.repeat(rng.random(size // (2 * line) + 1) < 0.8, 2 * line)[:size]
+        page[top : top + len(marks)] = marks * words
+    return page
+
+
+def picture(rng: np.random.Generator, size: int = 128) -> np.ndarray:
+    """Of any frequency and contrast: clouds, grain, print, boards up to the finest, `[row, column, rgb]`."""
+    kind = rng.integers(5)
+    first, second = rng.uniform(0.02, 0.9, (2, 3))
+    if kind == 0:
+        shares = np.stack([fractal(rng, size, rng.uniform(0, 1.6)) for _ in range(3)], axis=-1)
+        return np.clip(first + shares * (second - first), 0, 1)
+    if kind == 1:
+        return np.clip(rng.uniform(0.2, 0.6) + rng.uniform(0.1, 0.5) * rng.normal(size=(size, size, 3)), 0, 1)
+    if kind == 2:
+        share = writing(rng, size)
+    elif kind == 3:
+        y, x = np.mgrid[:size, :size] * 2 ** int(rng.integers(1, 7)) // size
+        share = (x + y) % 2
+    else:
+        share = (fractal(rng, size, rng.uniform(0.5, 1.5)) > rng.uniform(0.35, 0.65)).astype(float)
+    return first + share[..., None] * (second - first)

@@ -70,6 +70,11 @@ def hills(heights: np.ndarray, size: float) -> tuple[list[Points], list[Points],
     return pick(points), pick(normals), pick(points[..., [0, 2]] / 4)
 
 
+def moved(points: np.ndarray, x: float, y: float, z: float) -> np.ndarray:
+    """One point or several, moved."""
+    return points + np.array([x, y, z])
+
+
 def turned(rng: np.random.Generator, tumbling: float = 0.2) -> np.ndarray:
     """Three axes, turned about y, and sometimes about any axis; rows are the axes."""
     if rng.random() < tumbling:
