@@ -99,7 +99,8 @@ impl PictureFiles {
         layers.extend(further.errors.then_some("StdError"));
         let weights: Vec<_> = further.weights.iter().map(|name| format!("weight.{name}")).collect();
         let features: Vec<Side> = sides.iter().filter(|side| is_shown(side)).cloned().collect();
-        let create = |exr| PictureWriter::create(exr, size, model, &layers, &weights, &features, info);
+        let create =
+            |exr| PictureWriter::create(exr, size, model, &layers, &weights, &features, info);
         let exr = self.exr.as_mut().map(create);
         let png = PngWriter::create(&mut self.png, size)?;
         Ok(PictureRows { exr: exr.transpose()?, png, channels: model.channels().len(), features })

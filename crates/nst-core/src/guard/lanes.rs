@@ -16,7 +16,7 @@ use super::{
     weights::{CORRECTIONS, Changes, Strata, Weights, strata},
 };
 use crate::{
-    Error, Estimates, FOLDS, Fit, Fitted, FurtherPowers, Grid, Power, Requirements, SequenceBatch,
+    Error, Estimates, FOLDS, Fit, Fitted, FurtherPowers, Power, Requirements, SequenceBatch,
     Status, Strips, Transform,
 };
 
@@ -245,15 +245,14 @@ impl FittedGuard<'_> {
 
     /// What the blend changes in the lanes of the inner rows of a strip, without a group of folds;
     /// 0 where it fails. That group has taught nothing of it: the other half of the chessboard has.
-    pub(super) fn changes(&self, strip: &SequenceBatch, grid: &Grid, group: usize) -> Vec<f32> {
-        let of_channel = grid.inner_rows().len() * grid.width();
-        let mut changes = vec![0.0; grid.channels() * of_channel];
+    pub(super) fn changes(&self, strip: &SequenceBatch, group: usize) -> Vec<f32> {
+        let (of_plane, starts) = inner_planes(strip);
+        let mut changes = vec![0.0; of_plane * starts.len()];
         let (Ok(learnt), Some(means)) = (&self.learnt, fold_means(strip)) else { return changes };
         let further = further_means(strip, &learnt.powers);
         let statistics = Statistics { learnt, strip, means, further };
-        let planes = changes.par_chunks_exact_mut(of_channel).enumerate();
-        let done = planes.try_for_each(|(channel, plane)| {
-            let start = grid.lanes_of(channel, grid.inner_rows()).start;
+        let planes = changes.par_chunks_mut(of_plane).zip(starts);
+        let done = planes.try_for_each(|(plane, start)| {
             let chunks = plane.par_chunks_mut(CHUNK).enumerate();
             chunks.try_for_each(|(number, changes)| {
                 let first = start + number * CHUNK;
@@ -305,24 +304,38 @@ impl FittedGuard<'_> {
 
     /// The estimates of all lanes of a strip, and their errors.
     fn estimate(&self, statistics: &Statistics<'_>, out: &mut Estimates) -> Result<(), Error> {
-        let (values, status, errors) = out.reset_with_errors(statistics.strip.lanes());
-        let chunks = values.par_chunks_mut(CHUNK).zip(status.par_chunks_mut(CHUNK));
-        let chunks = chunks.zip(errors.par_chunks_mut(CHUNK));
-        chunks.enumerate().try_for_each(|(number, ((values, status), errors))| {
-            let first = number * CHUNK;
-            let chunk = statistics.of(first..first + values.len());
-            let blend = self.blend(GROUPS, &chunk)?;
-            for (lane, value) in values.iter_mut().enumerate() {
-                if blend.finite[lane] && blend.values[lane].is_finite() {
-                    *value = blend.values[lane];
-                    errors[lane] = blend.error(lane, &chunk.learnt.errors);
-                } else {
-                    (*value, status[lane]) = (chunk.last[lane], Status::NotFinite);
+        let (of_plane, starts) = inner_planes(statistics.strip);
+        let (values, status, errors) = out.reset_with_errors(of_plane * starts.len());
+        let planes = values.par_chunks_mut(of_plane).zip(status.par_chunks_mut(of_plane));
+        let planes = planes.zip(errors.par_chunks_mut(of_plane)).zip(starts);
+        planes.try_for_each(|(((values, status), errors), start)| {
+            let chunks = values.par_chunks_mut(CHUNK).zip(status.par_chunks_mut(CHUNK));
+            let chunks = chunks.zip(errors.par_chunks_mut(CHUNK)).enumerate();
+            chunks.try_for_each(|(number, ((values, status), errors))| {
+                let first = start + number * CHUNK;
+                let chunk = statistics.of(first..first + values.len());
+                let blend = self.blend(GROUPS, &chunk)?;
+                for (lane, value) in values.iter_mut().enumerate() {
+                    if blend.finite[lane] && blend.values[lane].is_finite() {
+                        *value = blend.values[lane];
+                        errors[lane] = blend.error(lane, &chunk.learnt.errors);
+                    } else {
+                        (*value, status[lane]) = (chunk.last[lane], Status::NotFinite);
+                    }
                 }
-            }
-            Ok(())
+                Ok(())
+            })
         })
     }
+}
+
+/// How many lanes of each channel are no lanes of a halo, and where they begin. Without a grid, all
+/// lanes are one plane.
+fn inner_planes(strip: &SequenceBatch) -> (usize, Vec<usize>) {
+    let Some(grid) = strip.grid() else { return (strip.lanes(), vec![0]) };
+    let starts =
+        (0..grid.channels()).map(|channel| grid.lanes_of(channel, grid.inner_rows()).start);
+    (grid.inner_rows().len() * grid.width(), starts.collect())
 }
 
 /// What the guard says of some lanes, `[lane]`.

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, fmt, path::Path};
 
 use nst_files::{
-    header::{ExrHeader, Part},
+    header::{ExrHeader, Layer, Part},
     picture::Picture,
     sequence_file::SequenceReader,
 };
@@ -47,6 +47,9 @@ struct PartReport {
     storage: String,
     deep: bool,
     layers: Vec<String>,
+    /// The channels that are in none of these.
+    #[serde(skip)]
+    others: Vec<usize>,
     channels: Vec<Channel>,
     attributes: BTreeMap<String, String>,
 }
@@ -63,8 +66,7 @@ pub(super) fn read(path: &Path) -> Result<Content, Error> {
     let bytes = std::fs::metadata(path).map(|file| file.len()).unwrap_or_default();
     let layers = header.layers();
     let parts = header.parts.iter().enumerate().map(|(index, part)| {
-        let layers = layers.iter().filter(|layer| layer.part == index);
-        PartReport::new(part, layers.map(|layer| layer.name.clone()).collect())
+        PartReport::new(part, layers.iter().filter(|layer| layer.part == index))
     });
     let note = Picture::open(path, None).ok().and_then(|picture| picture.primaries_note());
     let picture =
@@ -90,7 +92,13 @@ pub(super) fn read(path: &Path) -> Result<Content, Error> {
 }
 
 impl PartReport {
-    fn new(part: &Part, layers: Vec<String>) -> Self {
+    /// Of a part, and the pictures in it.
+    fn new<'a>(part: &Part, layers: impl Iterator<Item = &'a Layer>) -> Self {
+        let (mut names, mut others) = (Vec::new(), vec![true; part.channels.len()]);
+        for layer in layers {
+            names.push(layer.name.clone());
+            layer.channels.iter().for_each(|&channel| others[channel] = false);
+        }
         let channel = |channel: &nst_files::header::Channel| Channel {
             name: channel.name.clone(),
             kind: channel.kind,
@@ -102,7 +110,8 @@ impl PartReport {
             position: part.position,
             storage: part.storage.clone(),
             deep: part.deep,
-            layers,
+            layers: names,
+            others: (0..others.len()).filter(|&channel| others[channel]).collect(),
             channels: part.channels.iter().map(channel).collect(),
             attributes: part.attributes.clone(),
         }
@@ -143,6 +152,14 @@ impl PictureReport {
             let main = |name: &String| if name.is_empty() { "(main)".into() } else { name.clone() };
             let names: Vec<String> = part.layers.iter().map(main).collect();
             writeln!(f, "layers      {}", list(&names, "none that is a picture"))?;
+            if !part.others.is_empty() {
+                let name = |&channel: &usize| part.channels[channel].name.as_str();
+                writeln!(
+                    f,
+                    "others      {}",
+                    list(&part.others.iter().map(name).collect::<Vec<_>>(), "")
+                )?;
+            }
             for (name, value) in &part.attributes {
                 writeln!(f, "attribute   {name} = {value}")?;
             }

@@ -113,11 +113,7 @@ impl PictureGuard {
 
     /// Why the experts are left out of a picture of so many pixels, if they would take longer than
     /// they may.
-    fn too_slow(
-        &self,
-        panel: &Panel<'_>,
-        pixels: usize,
-    ) -> Result<Option<String>, Error> {
+    fn too_slow(&self, panel: &Panel<'_>, pixels: usize) -> Result<Option<String>, Error> {
         let Some(limit) = self.limit.get().filter(|_| pixels >= LEAST_TILES * TILE) else {
             return Ok(None);
         };

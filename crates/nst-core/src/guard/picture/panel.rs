@@ -51,7 +51,7 @@ impl Panel<'_> {
     pub(super) fn look(&self, strip: &Strip<'_>, group: usize) -> Result<Vec<Held>, Failure> {
         let layers = strip.layers(&self.counts, group);
         let of_lane = if self.blends_lane {
-            let changes = self.lane.changes(strip.batch, strip.grid, group);
+            let changes = self.lane.changes(strip.batch, group);
             by_layer(strip, &layers, changes).into_iter().map(|changes| vec![changes]).collect()
         } else {
             vec![Vec::new(); layers.parts.len()]

@@ -183,20 +183,22 @@ fn with_many_samples_a_biased_expert_is_left() {
 #[test]
 fn experts_keep_within_their_time() {
     let guard = |limit: Option<f64>| {
-        let expert = Says(|grid: &Grid, lane, _| truth(grid, lane) as f32);
         let of_time = TimeLimit::default();
-        let guard = guard(vec![Box::new(expert)]).within(of_time.clone());
+        let guard = guard(vec![Box::new(Vertical)]).within(of_time.clone());
         limit.into_iter().for_each(|seconds| of_time.set(Duration::from_secs_f64(seconds)));
         guard
     };
-    let judged = |limit, grid: Grid| {
+    let even = |grid: Grid| {
         let lanes: Vec<f32> = (0..grid.lanes()).map(|lane| truth(&grid, lane) as f32).collect();
         let mut batch = SequenceBatch::from_last(&lanes, 4).expect("lanes");
         batch.set_grid(grid).expect("as many lanes");
         for side in Side::of_sums(4) {
             batch.set_side(side.clone(), lanes.clone()).expect("one value per lane");
         }
-        let guard = guard(limit);
+        batch
+    };
+    let judged = |limit, grid: Grid| {
+        let (batch, guard) = (even(grid), guard(limit));
         let fitted = guard.fit(&mut Whole::new(&batch)).expect("nothing fails");
         (fitted.has_weights(), fitted.judgement().expect("it has judged").notes.join("; "))
     };
@@ -205,8 +207,12 @@ fn experts_keep_within_their_time() {
         assert_eq!(judged(limit, large), (true, String::new()));
     }
     let (has_weights, notes) = judged(Some(1e-6), large);
-    assert!(!has_weights && notes.contains("left out: told, which would take"), "{notes}");
+    assert!(!has_weights && notes.contains("left out: vertical, which would take"), "{notes}");
     assert_eq!(judged(Some(1e-6), grid(1)), (true, String::new()), "a small one takes no time");
+    // Of strips with a halo, it estimates the same rows as the experts would have.
+    let (batch, guard) = (even(large), guard(Some(1e-6)));
+    let [values, in_strips] = [640, 100].map(|step| in_strips(&guard, &batch, step).0);
+    assert!(values == in_strips && values.len() == 2 * large.lanes());
 }
 
 /// An expert that looks around: the mean of the pixels one row above and below.
