@@ -1,7 +1,5 @@
 //! What measures experts on a picture.
 
-use rayon::prelude::*;
-
 use super::{
     super::{
         lanes::Guard,
@@ -76,7 +74,8 @@ impl PictureGuard {
         strips.rewind(self.halo())?;
         while let Some(batch) = strips.next_strip()? {
             let strip = Strip::new(&batch).expect("the guard of lanes has seen folds and a grid");
-            let views = (0..=GROUPS).into_par_iter().map(|group| panel.look(&strip, group));
+            // One by one: what they need meanwhile is not in memory for all of them.
+            let views = (0..=GROUPS).map(|group| panel.look(&strip, group));
             let views = match views.collect::<Result<Vec<_>, _>>() {
                 Ok(views) => views,
                 Err(failure) => return Ok(Err(failure)),
