@@ -65,8 +65,8 @@ fn keeps_plain(bench: &Bench, args: &str, picture: &str, words: &[&str]) {
 #[test]
 fn pictures_have_standard_errors() {
     let bench = Bench::new();
-    bench.succeed(&render("--spp 16 --sequence s.exr -o x.exr"));
-    bench.succeed("transform s.exr -o y.exr");
+    bench.succeed(&render("--spp 16 --sequence s.exr -o x.exr --experts lane"));
+    bench.succeed("transform s.exr -o y.exr --experts lane");
     bench.succeed("transform s.exr --transform none -o z.exr");
     let layer = |name, layer| read_layer(&bench.path(name), layer).1;
     let (errors, variance) = (layer("x.exr", "StdError"), layer("x.exr", "Variance"));
@@ -93,7 +93,7 @@ fn it_says_what_it_gains() {
     assert_eq!(said["transform"], "auto");
     let experts = said["experts"].as_array().expect("a list");
     let names: Vec<_> = experts.iter().map(|it| it["name"].as_str().expect("a name")).collect();
-    assert_eq!(names, ["relative regression", "regression", "table"]);
+    assert_eq!(names, ["lane", "filter"]);
     let weights: Vec<f64> = experts.iter().map(|it| number(&it["weight"])).collect();
     assert!(weights.iter().all(|w| (0.0..=1.0).contains(w)) && weights.iter().sum::<f64>() <= 1.0);
     let [low, ratio, high] =
@@ -118,18 +118,18 @@ fn it_says_what_it_gains() {
             assert_eq!(found.parse(), Ok(expected as f32), "{picture}, {name}");
         }
         let info = bench.succeed(&format!("info {picture}"));
-        assert!(info.contains("nst.expert = relative regression 0."), "{info}");
+        assert!(info.contains("nst.expert = lane 0."), "{info}");
     }
     let text = bench.succeed("transform s.exr -o z.exr");
     for words in [
         "transform  auto (a blend of the plain estimates with experts",
-        "           trusts relative regression by ",
+        "           trusts ",
         &format!("           predicts {ratio:.2} of the plain estimates' MSE (95 %: {low:.2} to "),
     ] {
         assert!(text.contains(words), "'{words}' is not in: {text}");
     }
-    // Its own experts can be named.
-    report(&bench, "transform s.exr --transform auto --experts lane -o z.exr");
+    // These experts can be named.
+    report(&bench, "transform s.exr --transform auto --experts lane,filter -o z.exr");
     assert_eq!(main("x.exr"), main("z.exr"));
     // Other methods say nothing of the kind.
     let other = report(&bench, "transform s.exr --transform gmon -o y.exr");

@@ -114,7 +114,7 @@ fn further_powers() {
     {
         assert!(notes(&said).contains(words), "'{words}' is not in: {}", notes(&said));
     }
-    bench.succeed("transform usual.exr -o z.exr");
+    bench.succeed("transform usual.exr -o z.exr --experts lane");
     assert_eq!(lanes(&bench, "y.exr", ""), lanes(&bench, "z.exr", ""));
     let words = ["to the power 0.125, ", "'nst render --sequence'", "--transform gaussian-samples"];
     bench.refuses("transform usual.exr --transform gaussian-samples", &words);

@@ -25,7 +25,7 @@ mod kernel;
 mod planes;
 
 use kernel::Kernel;
-pub(crate) use planes::{Guide, Means, Planes, RADIUS, mean_over_folds};
+pub(crate) use planes::{Guide, Means, Planes, RADIUS, mean_over_folds, write_mean};
 
 use crate::{
     Error, Estimates, Fitted, FurtherPowers, Instructions, Requirements, SequenceBatch, Side,

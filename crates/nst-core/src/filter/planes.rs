@@ -220,8 +220,24 @@ pub(super) fn threshold(samples: f64) -> f32 {
     (t * t) as f32
 }
 
+/// Lanes per task of the thread pool when means over folds are taken.
+const LANES_PER_TASK: usize = 1 << 14;
+
 /// The weighted mean over folds, `[lane]`.
 pub(crate) fn mean_over_folds(folds: &[&[f32]; FOLDS], shares: &[f64; FOLDS]) -> Vec<f32> {
-    let of_lane = |lane: usize| mean_of_folds(folds.map(|fold| fold[lane]), shares);
-    (0..folds[0].len()).into_par_iter().map(of_lane).collect()
+    let mut means = vec![0.0; folds[0].len()];
+    means.par_chunks_mut(LANES_PER_TASK).enumerate().for_each(|(number, part)| {
+        let first = number * LANES_PER_TASK;
+        write_mean(&folds.map(|fold| &fold[first..first + part.len()]), shares, part);
+    });
+    means
+}
+
+/// Writes the weighted mean over folds of some lanes.
+pub(crate) fn write_mean(folds: &[&[f32]; FOLDS], shares: &[f64; FOLDS], out: &mut [f32]) {
+    let [a, b, c, d] = *folds;
+    let lanes = a.iter().zip(b).zip(c.iter().zip(d));
+    for (mean, ((&a, &b), (&c, &d))) in out.iter_mut().zip(lanes) {
+        *mean = mean_of_folds([a, b, c, d], shares);
+    }
 }

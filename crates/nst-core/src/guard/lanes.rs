@@ -8,7 +8,10 @@ use super::{
     judge::{ErrorRatios, Judgement, judge},
     refit::{Adapting, Refit},
     regression::Regressions,
-    sample::{CHUNK, FoldMeans, FurtherMeans, GROUPS, Sample, fold_means, further_means, part_of},
+    sample::{
+        CHUNK, FoldMeans, FurtherMeans, GROUPS, Sample, fold_means, further_means, of_inner,
+        part_of,
+    },
     seen::{Expert, STATISTICS, left_out, to_changes},
     simplex::MOST,
     table::Table,
@@ -16,7 +19,7 @@ use super::{
     weights::{CORRECTIONS, Changes, Strata, Weights, strata},
 };
 use crate::{
-    Error, Estimates, FOLDS, Fit, Fitted, FurtherPowers, Power, Requirements, SequenceBatch,
+    Error, Estimates, FOLDS, Fit, Fitted, FurtherPowers, Grid, Power, Requirements, SequenceBatch,
     Status, Strips, Transform,
 };
 
@@ -245,30 +248,17 @@ impl FittedGuard<'_> {
 
     /// What the blend changes in the lanes of the inner rows of a strip, without a group of folds;
     /// 0 where it fails. That group has taught nothing of it: the other half of the chessboard has.
-    pub(super) fn changes(&self, strip: &SequenceBatch, group: usize) -> Vec<f32> {
-        let (of_plane, starts) = inner_planes(strip);
-        let mut changes = vec![0.0; of_plane * starts.len()];
-        let (Ok(learnt), Some(means)) = (&self.learnt, fold_means(strip)) else { return changes };
-        let further = further_means(strip, &learnt.powers);
-        let statistics = Statistics { learnt, strip, means, further };
-        let planes = changes.par_chunks_mut(of_plane).zip(starts);
-        let done = planes.try_for_each(|(plane, start)| {
-            let chunks = plane.par_chunks_mut(CHUNK).enumerate();
-            chunks.try_for_each(|(number, changes)| {
-                let first = start + number * CHUNK;
-                let chunk = statistics.of(first..first + changes.len());
-                let Blend { values, lanes, finite, .. } = self.blend(group, &chunk)?;
-                changes.copy_from_slice(&values);
-                to_changes(changes, &lanes.mean);
-                let unknown = changes.iter_mut().zip(finite).filter(|(_, finite)| !finite);
-                unknown.for_each(|(change, _)| *change = 0.0);
-                Ok::<_, Error>(())
-            })
-        });
-        if done.is_err() {
-            changes.fill(0.0);
-        }
-        changes
+    pub(super) fn changes(&self, strip: &SequenceBatch, grid: &Grid, group: usize) -> Vec<f32> {
+        let statistics =
+            self.learnt.as_ref().ok().and_then(|learnt| Statistics::new(learnt, strip));
+        of_inner(grid, |lanes, changes| {
+            let Some(statistics) = &statistics else { return };
+            let Ok(blend) = self.blend(group, &statistics.of(lanes)) else { return };
+            changes.copy_from_slice(&blend.values);
+            to_changes(changes, &blend.lanes.mean);
+            let unknown = changes.iter_mut().zip(blend.finite).filter(|(_, finite)| !finite);
+            unknown.for_each(|(change, _)| *change = 0.0);
+        })
     }
 
     /// The numbers of samples in the folds, the unit, and the number of the batch's pixels, if
@@ -389,6 +379,12 @@ struct Chunk<'a> {
 }
 
 impl<'a> Statistics<'a> {
+    /// `None` if the strip has no statistics of folds.
+    fn new(learnt: &'a Learnt, strip: &'a SequenceBatch) -> Option<Self> {
+        let further = further_means(strip, &learnt.powers);
+        Some(Self { learnt, strip, means: fold_means(strip)?, further })
+    }
+
     /// Those of some lanes.
     fn of(&self, lanes: Range<usize>) -> Chunk<'a> {
         Chunk {
@@ -417,19 +413,18 @@ impl Transform for Guard {
 
 impl Fitted for FittedGuard<'_> {
     fn apply(&self, strip: &SequenceBatch, out: &mut Estimates) -> Result<(), Error> {
-        let (learnt, means) = match (&self.learnt, fold_means(strip)) {
-            (Ok(learnt), Some(means)) => (learnt, means),
-            (Ok(_), None) => {
-                out.fall_back(strip, Status::NoFolds);
-                return Ok(());
-            }
-            (Err(status), _) => {
+        let learnt = match &self.learnt {
+            Ok(learnt) => learnt,
+            Err(status) => {
                 out.fall_back(strip, *status);
                 return Ok(());
             }
         };
-        let further = further_means(strip, &learnt.powers);
-        if self.estimate(&Statistics { learnt, strip, means, further }, out).is_err() {
+        let Some(statistics) = Statistics::new(learnt, strip) else {
+            out.fall_back(strip, Status::NoFolds);
+            return Ok(());
+        };
+        if self.estimate(&statistics, out).is_err() {
             out.fall_back(strip, Status::ExpertFailed);
             out.errors_unknown();
         }

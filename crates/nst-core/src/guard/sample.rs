@@ -5,7 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::{
-    Error, FOLDS, FurtherPowers, Power, SequenceBatch, Side, Status, Strips, fold_count,
+    Error, FOLDS, FurtherPowers, Grid, Power, SequenceBatch, Side, Status, Strips, fold_count,
     random::mix,
 };
 
@@ -254,6 +254,23 @@ impl Sample {
             self.counts = std::array::from_fn(|fold| fold_count(fold, count));
         }
     }
+}
+
+/// Numbers of the lanes of a strip's inner rows, [`CHUNK`] at a time: `write` gets lanes of the
+/// strip, and where their numbers go. They are 0 unless it writes others.
+pub(super) fn of_inner(grid: &Grid, write: impl Fn(Range<usize>, &mut [f32]) + Sync) -> Vec<f32> {
+    let rows = grid.inner_rows();
+    let of_channel = rows.len() * grid.width();
+    let mut numbers = vec![0.0; grid.channels() * of_channel];
+    let planes = numbers.par_chunks_exact_mut(of_channel).enumerate();
+    planes.for_each(|(channel, plane)| {
+        let start = grid.lanes_of(channel, rows.clone()).start;
+        plane.par_chunks_mut(CHUNK).enumerate().for_each(|(number, part)| {
+            let first = start + number * CHUNK;
+            write(first..first + part.len(), part);
+        });
+    });
+    numbers
 }
 
 /// The side channels of folds of a strip.

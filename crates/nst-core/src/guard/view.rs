@@ -6,7 +6,7 @@ use super::{
     sample::{FoldMeans, FurtherMeans, shares_without},
     seen::Seen,
 };
-use crate::{FOLDS, Power, mean_of_folds};
+use crate::{FOLDS, Power, filter::write_mean};
 
 /// Brightness, ln(|S|/u + [`FLOOR`]): from a hundredth of the unit to 55 times it.
 pub(super) const BRIGHTNESS: Hats<10> = Hats { low: -4.6, high: 4.0 };
@@ -134,11 +134,9 @@ fn variances(mean: &[f32], square: &[f32], samples: f64) -> Vec<f32> {
 
 /// The weighted mean over folds, `[lane]`.
 fn weighted(folds: &[&[f32]; FOLDS], shares: &[f64; FOLDS]) -> Vec<f32> {
-    let [a, b, c, d] = folds;
-    let quadruples = a.iter().zip(*b).zip(c.iter().zip(*d));
-    let mean =
-        |((&a, &b), (&c, &d)): ((&f32, &f32), (&f32, &f32))| mean_of_folds([a, b, c, d], shares);
-    quadruples.map(mean).collect()
+    let mut means = vec![0.0; folds[0].len()];
+    write_mean(folds, shares, &mut means);
+    means
 }
 
 /// The power mean over folds, weighted, `[lane]`.

@@ -27,6 +27,9 @@ const LEAST_SIZE: usize = 8;
 /// The most cells: of large pictures, cells are larger.
 const MOST_CELLS: usize = 1 << 16;
 
+/// Cells of a row that are one task of the thread pool.
+const CELLS_PER_TASK: usize = 32;
+
 /// What b of one of the groups adds to that of S with all folds.
 const OF_S: f64 = SHARE / GROUPS as f64;
 
@@ -48,11 +51,23 @@ impl Sums {
 
     #[inline(always)]
     pub(super) fn add(&mut self, other: &Self, share: f64) {
-        let numbers = self.moments.a.iter_mut().zip(&other.moments.a);
-        numbers.for_each(|(sum, more)| *sum += share * more);
+        self.add_of_group(other, share);
+        self.add_of_all(other, share);
+    }
+
+    /// The same of what groups add to: b and the variance.
+    #[inline(always)]
+    fn add_of_group(&mut self, other: &Self, share: f64) {
         let numbers = self.moments.b.iter_mut().zip(&other.moments.b);
         numbers.for_each(|(sum, more)| *sum += share * more);
         self.variance += share * other.variance;
+    }
+
+    /// The same of what all folds add to: A and the count.
+    #[inline(always)]
+    fn add_of_all(&mut self, other: &Self, share: f64) {
+        let numbers = self.moments.a.iter_mut().zip(&other.moments.a);
+        numbers.for_each(|(sum, more)| *sum += share * more);
         self.count += share * other.count;
     }
 }
@@ -142,14 +157,21 @@ impl Cells {
         let all = self.sums.par_chunks_mut(self.division.of_row()).enumerate();
         all.skip(rows.first / size).take(end.div_ceil(size) - rows.first / size).for_each(
             |(row, sums)| {
-                for y in rows.first.max(row * size)..end.min((row + 1) * size) {
-                    let first = (y - rows.first) * rows.width;
-                    for x in 0..rows.width {
-                        let half = usize::from(rows.halves[first + x]);
-                        let cell = &mut sums[Division::place(x / size, half, 0)..][..KNOTS];
-                        add_pixel(cell, rows, first + x, &dispersion);
+                let range = rows.first.max(row * size)..end.min((row + 1) * size);
+                let parts = sums.par_chunks_mut(CELLS_PER_TASK * HALVES * KNOTS).enumerate();
+                parts.for_each(|(part, sums)| {
+                    let left = part * CELLS_PER_TASK * size;
+                    let columns = left..rows.width.min(left + CELLS_PER_TASK * size);
+                    for y in range.clone() {
+                        let first = (y - rows.first) * rows.width;
+                        for x in columns.clone() {
+                            let half = usize::from(rows.halves[first + x]);
+                            let place = Division::place((x - left) / size, half, 0);
+                            let cell = &mut sums[place..][..KNOTS];
+                            add_pixel(cell, rows, first + x, &dispersion);
+                        }
                     }
-                }
+                });
             },
         );
     }
@@ -159,26 +181,35 @@ impl Cells {
 #[inline(always)]
 fn add_pixel(cell: &mut [Sums], rows: &Rows<'_>, pixel: usize, dispersion: &[f64; GROUPS]) {
     let lanes = (pixel..rows.channels * rows.pixels()).step_by(rows.pixels());
-    for (group, held) in rows.held.iter().enumerate() {
+    let changes = |held: &Held, lane: usize| {
+        let mut changes = [0.0; MOST];
+        let known = changes.iter_mut().zip(&held.changes);
+        known.for_each(|(change, lanes)| *change = f64::from(lanes[lane]));
+        changes
+    };
+    let [groups @ .., all] = &rows.held;
+    for (held, dispersion) in groups.iter().zip(dispersion) {
         let mut sums = Sums::default();
         for lane in lanes.clone() {
-            let mut changes = [0.0; MOST];
-            let known = changes.iter_mut().zip(&held.changes);
-            known.for_each(|(change, lanes)| *change = f64::from(lanes[lane]));
-            if group == GROUPS {
-                sums.count += 1.0;
-                sums.moments.add_squares(&changes);
-            } else {
-                let missing = f64::from(held.missing[lane]);
-                sums.variance += dispersion[group] * missing * missing;
-                sums.moments.add_products(&changes, OF_S * missing);
-            }
+            let missing = f64::from(held.missing[lane]);
+            sums.variance += dispersion * missing * missing;
+            sums.moments.add_products(&changes(held, lane), OF_S * missing);
         }
         // What is not finite says nothing.
-        if sums.moments.trace().is_finite() && sums.variance.is_finite() {
+        if sums.variance.is_finite() {
             for (knot, share) in held.places[pixel].knots() {
-                cell[knot].add(&sums, share);
+                cell[knot].add_of_group(&sums, share);
             }
+        }
+    }
+    let mut sums = Sums::default();
+    for lane in lanes {
+        sums.count += 1.0;
+        sums.moments.add_squares(&changes(all, lane));
+    }
+    if sums.moments.trace().is_finite() {
+        for (knot, share) in all.places[pixel].knots() {
+            cell[knot].add_of_all(&sums, share);
         }
     }
 }

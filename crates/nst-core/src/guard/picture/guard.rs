@@ -2,8 +2,6 @@
 
 use std::time::Instant;
 
-use rayon::prelude::*;
-
 use super::{
     super::{
         lanes::Guard,
@@ -30,6 +28,10 @@ pub struct PictureGuard {
     experts: Vec<Box<dyn PictureExpert>>,
     limit: TimeLimit,
 }
+
+/// In pictures of fewer pixels, what neighbours say is too much alike to tell experts that are right
+/// from such as are so by chance.
+const LEAST_PIXELS: usize = 1024;
 
 /// Pictures of fewer tiles take so little time that it is not worth measuring.
 const LEAST_TILES: usize = 16;
@@ -86,7 +88,8 @@ impl PictureGuard {
         strips.rewind(self.halo())?;
         while let Some(batch) = strips.next_strip()? {
             let strip = Strip::new(&batch).expect("the guard of lanes has seen folds and a grid");
-            let views = (0..=GROUPS).into_par_iter().map(|group| panel.look(&strip, group));
+            // One by one: what they need meanwhile is not in memory for all of them.
+            let views = (0..=GROUPS).map(|group| panel.look(&strip, group));
             let views = match views.collect::<Result<Vec<_>, _>>() {
                 Ok(views) => views,
                 Err(failure) => return Ok(Err(failure)),
@@ -125,15 +128,18 @@ impl PictureGuard {
         // Experts look at all folds and without each group, and when all is measured, once more.
         let looks = (GROUPS + 2) as f64 / (GROUPS + 1) as f64;
         let time = start.elapsed().mul_f64(looks * pixels as f64 / TILE as f64);
-        let names: Vec<&str> = self.experts.iter().map(|expert| expert.name()).collect();
+        let (names, [time, limit]) = (self.names(), [time, limit].map(|it| it.as_secs_f64()));
         Ok((time > limit).then(|| {
             format!(
-                "left out: {}, which would take about {:.1} s, and may take {:.1} s",
-                names.join(", "),
-                time.as_secs_f64(),
-                limit.as_secs_f64()
+                "left out: {names}, which would take about {time:.1} s, and may take {limit:.1} s"
             )
         }))
+    }
+
+    /// The experts that look at neighbours.
+    fn names(&self) -> String {
+        let names: Vec<&str> = self.experts.iter().map(|expert| expert.name()).collect();
+        names.join(", ")
     }
 }
 
@@ -152,6 +158,11 @@ impl Transform for PictureGuard {
         let mut notes = lane.judgement().notes.clone();
         let experts = self.experts.iter().map(|expert| &**expert).collect();
         let mut panel = Panel { lane, blends_lane: self.blends_lane, experts, counts, unit };
+        if pixels < LEAST_PIXELS {
+            let names = self.names();
+            notes.push(format!("left out: {names}, which {pixels} pixels are too few to measure"));
+            panel.experts.clear();
+        }
         if let Some(why) = self.too_slow(&panel, pixels)? {
             return Ok(Box::new(panel.lane.noting(why)));
         }

@@ -5,10 +5,13 @@
 use rayon::prelude::*;
 
 use super::{
-    super::sample::{FoldMeans, GROUPS, fold_means, shares_without},
+    super::sample::{CHUNK, FoldMeans, GROUPS, fold_means, of_inner, shares_without},
     seen::SeenFeature,
 };
-use crate::{FOLDS, Grid, SequenceBatch, Side, filter::mean_over_folds};
+use crate::{
+    FOLDS, Grid, SequenceBatch, Side,
+    filter::{mean_over_folds, write_mean},
+};
 
 /// The features that are read where there are any: by fold, as they are as noisy as radiance where
 /// a pixel sees several surfaces.
@@ -42,6 +45,8 @@ pub(super) struct Layers {
     pub(super) samples: f64,
     /// What surfaces reflect; and the emission, if anything is known of it.
     pub(super) parts: Vec<Layer>,
+    /// Which pixels emit, `[pixel]`; none, if nothing is known of that.
+    pub(super) emits: Vec<bool>,
     /// `[lane]`
     pub(super) albedo: Option<Feature>,
     /// `[coordinate][pixel]`
@@ -58,13 +63,18 @@ impl Feature {
     /// Of folds, weighted.
     fn new(folds: &[&[f32]; FOLDS], shares: &[f64; FOLDS]) -> Self {
         let mean = mean_over_folds(folds, shares);
-        let kept = shares.iter().filter(|share| **share > 0.0).count() as f32;
-        let of_one = |i: usize| {
-            let folds = folds.iter().zip(shares).filter(|(_, share)| **share > 0.0);
-            let squares: f32 = folds.map(|(fold, _)| (fold[i] - mean[i]).powi(2)).sum();
-            squares / (kept * (kept - 1.0))
-        };
-        let variance = (0..mean.len()).into_par_iter().map(of_one).collect();
+        let kept = folds.iter().zip(shares).filter(|(_, share)| **share > 0.0);
+        let kept: Vec<&[f32]> = kept.map(|(fold, _)| *fold).collect();
+        let pairs = (kept.len() * (kept.len() - 1)) as f32;
+        let mut variance = vec![0.0; mean.len()];
+        let chunks = variance.par_chunks_mut(CHUNK).zip(mean.par_chunks(CHUNK));
+        chunks.enumerate().for_each(|(number, (variances, means))| {
+            for fold in &kept {
+                let numbers = variances.iter_mut().zip(means).zip(&fold[number * CHUNK..]);
+                numbers.for_each(|((sum, mean), x)| *sum += (x - mean) * (x - mean));
+            }
+            variances.iter_mut().for_each(|sum| *sum /= pairs);
+        });
         Self { mean, variance }
     }
 
@@ -96,17 +106,39 @@ impl<'a> Strip<'a> {
             _ => mean_over_folds(&self.means[0], &shares),
         };
         let mut root = mean_over_folds(&self.means[1], &shares);
-        let mut emitted = None;
+        let (mut emitted, mut emits) = (None, Vec::new());
         if let Some(folds) = &self.emission {
             let emission = mean_over_folds(folds, &shares);
-            subtract(self.grid, &emission, &mut mean, &mut root);
+            emits = self.emits(&emission);
+            self.subtract(&emission, &emits, &mut mean, &mut root);
             // Its roots are not known.
             emitted = Some(Layer { root: vec![f32::NAN; emission.len()], mean: emission });
         }
         let parts = [Layer { mean, root }].into_iter().chain(emitted).collect();
         let of_folds = |folds: Option<_>| folds.map(|it| Feature::new(&it, &shares));
         let [albedo, normal] = [self.albedo, self.normal].map(of_folds);
-        Layers { samples, parts, albedo, normal }
+        Layers { samples, parts, emits, albedo, normal }
+    }
+
+    /// Which pixels emit, `[pixel]`.
+    fn emits(&self, emission: &[f32]) -> Vec<bool> {
+        let mut emits = vec![false; self.grid.pixels()];
+        emits.par_chunks_mut(CHUNK).enumerate().for_each(|(number, emits)| {
+            for plane in emission.chunks_exact(self.grid.pixels()) {
+                let pixels = emits.iter_mut().zip(&plane[number * CHUNK..]);
+                pixels.for_each(|(emits, x)| *emits |= *x != 0.0);
+            }
+        });
+        emits
+    }
+
+    /// Takes the emission out of means. Where there is any, roots of the rest are not known.
+    fn subtract(&self, emission: &[f32], emits: &[bool], mean: &mut [f32], root: &mut [f32]) {
+        mean.par_iter_mut().zip(emission).for_each(|(mean, emission)| *mean -= emission);
+        for plane in root.chunks_exact_mut(self.grid.pixels()) {
+            let roots = plane.par_iter_mut().zip(emits);
+            roots.for_each(|(root, emits)| *root = if *emits { f32::NAN } else { *root });
+        }
     }
 
     /// What the group held out says of each part beside the layers without it, h − S, `[lane]` of
@@ -115,36 +147,36 @@ impl<'a> Strip<'a> {
         if group == GROUPS {
             return vec![Vec::new(); layers.parts.len()];
         }
-        let emission = self.emission.map(|folds| folds[group]);
-        let mut reflected = self.means[0][group].to_vec();
-        if let Some(emission) = emission {
-            reflected.iter_mut().zip(emission).for_each(|(h, e)| *h -= e);
-        }
-        let held_out = [Some(&reflected[..]), emission].into_iter().flatten();
-        let of_part = |(layer, held_out): (&Layer, &[f32])| {
-            let missing = held_out.iter().zip(&layer.mean).map(|(h, s)| h - s);
-            self.grid.inner(&missing.collect::<Vec<_>>()).into_owned()
+        let (held_out, emission) = (self.means[0][group], self.emission.map(|folds| folds[group]));
+        let of_part = |(part, layer): (usize, &Layer)| match emission {
+            Some(emission) if part == EMITTED => self.differences(emission, &layer.mean),
+            Some(emission) => of_inner(self.grid, |lanes, out| {
+                let numbers = held_out[lanes.clone()].iter().zip(&emission[lanes.clone()]);
+                let numbers = out.iter_mut().zip(numbers).zip(&layer.mean[lanes]);
+                numbers.for_each(|((out, (h, e)), s)| *out = h - e - s);
+            }),
+            None => self.differences(held_out, &layer.mean),
         };
-        layers.parts.iter().zip(held_out).map(of_part).collect()
+        layers.parts.iter().enumerate().map(of_part).collect()
+    }
+
+    /// The differences of numbers of lanes, `[lane]` of the inner rows.
+    fn differences(&self, a: &[f32], b: &[f32]) -> Vec<f32> {
+        of_inner(self.grid, |lanes, out| {
+            let numbers = out.iter_mut().zip(&a[lanes.clone()]).zip(&b[lanes]);
+            numbers.for_each(|((out, a), b)| *out = a - b);
+        })
     }
 
     /// The variances of S if all samples were independent, up to a factor, `[lane]` of the inner
     /// rows.
     pub(super) fn variances(&self) -> Vec<f32> {
-        let squares = mean_over_folds(&self.means[2], &[1.0 / FOLDS as f64; FOLDS]);
-        let lanes = squares.iter().zip(self.batch.last());
-        let variances: Vec<f32> = lanes.map(|(square, s)| (square - s * s).max(0.0)).collect();
-        self.grid.inner(&variances).into_owned()
-    }
-}
-
-/// Takes the emission out of means. Where there is any, roots of the rest are not known.
-fn subtract(grid: &Grid, emission: &[f32], mean: &mut [f32], root: &mut [f32]) {
-    mean.iter_mut().zip(emission).for_each(|(mean, emission)| *mean -= emission);
-    for pixel in 0..grid.pixels() {
-        let lanes = (pixel..mean.len()).step_by(grid.pixels());
-        if lanes.clone().any(|lane| emission[lane] != 0.0) {
-            lanes.for_each(|lane| root[lane] = f32::NAN);
-        }
+        let squares = self.means[2];
+        of_inner(self.grid, |lanes, out| {
+            let last = &self.batch.last()[lanes.clone()];
+            let folds = squares.map(|fold| &fold[lanes.clone()]);
+            write_mean(&folds, &[1.0 / FOLDS as f64; FOLDS], out);
+            out.iter_mut().zip(last).for_each(|(square, s)| *square = (*square - s * s).max(0.0));
+        })
     }
 }

@@ -1,7 +1,9 @@
 //! The experts at work on strips of a picture.
 
+use rayon::prelude::*;
+
 use super::{
-    super::{hats::Place, lanes::FittedGuard, logarithm::ln, seen::to_changes},
+    super::{hats::Place, lanes::FittedGuard, logarithm::ln, sample::CHUNK, seen::to_changes},
     cells::{BRIGHTNESS, Held},
     layers::{EMITTED, Feature, Layer, Layers, Strip},
     seen::{PictureExpert, SeenPicture},
@@ -13,6 +15,9 @@ const LANE: &str = "lane";
 
 /// Below this brightness, relative to the mean of the picture, all is alike.
 const FLOOR: f32 = 0.01;
+
+/// How many times more than the samples of a lane an expert may see in it.
+const MOST_TIMES: f32 = 100.0;
 
 /// The experts of a picture, and what they must know of it.
 pub(super) struct Panel<'a> {
@@ -51,7 +56,7 @@ impl Panel<'_> {
     pub(super) fn look(&self, strip: &Strip<'_>, group: usize) -> Result<Vec<Held>, Failure> {
         let layers = strip.layers(&self.counts, group);
         let of_lane = if self.blends_lane {
-            let changes = self.lane.changes(strip.batch, group);
+            let changes = self.lane.changes(strip.batch, strip.grid, group);
             by_layer(strip, &layers, changes).into_iter().map(|changes| vec![changes]).collect()
         } else {
             vec![Vec::new(); layers.parts.len()]
@@ -85,7 +90,11 @@ impl Panel<'_> {
             }
             let mut estimates = vec![0.0; mean.len()];
             it.estimate(&seen, &mut estimates).map_err(|error| Failure { expert, error })?;
-            to_changes(&mut estimates, &mean);
+            let parts = estimates.par_chunks_mut(CHUNK).zip(mean.par_chunks(CHUNK));
+            parts.for_each(|(estimates, mean)| {
+                disbelieve(estimates, mean);
+                to_changes(estimates, mean);
+            });
             changes.push(estimates);
         }
         let places = self.places(&mean, changes.last(), grid.channels());
@@ -95,28 +104,47 @@ impl Panel<'_> {
     /// Where the brightness of pixels lies by what an expert changes in a layer.
     fn places(&self, mean: &[f32], changes: Option<&Vec<f32>>, channels: usize) -> Vec<Place> {
         let pixels = mean.len() / channels;
-        let mut sums = vec![0.0; pixels];
-        for lanes in [Some(mean), changes.map(Vec::as_slice)].into_iter().flatten() {
-            for plane in lanes.chunks_exact(pixels) {
-                sums.iter_mut().zip(plane).for_each(|(sum, x)| *sum += x);
-            }
-        }
         let scale = 1.0 / (channels as f32 * self.unit as f32);
         let place = |sum: f32| BRIGHTNESS.place(ln((scale * sum).max(0.0) + FLOOR));
-        sums.into_iter().map(place).collect()
+        let mut places = vec![place(0.0); pixels];
+        places.par_chunks_mut(CHUNK).enumerate().for_each(|(number, places)| {
+            let mut sums = vec![0.0; places.len()];
+            for lanes in [Some(mean), changes.map(Vec::as_slice)].into_iter().flatten() {
+                for plane in lanes.chunks_exact(pixels) {
+                    let plane = &plane[number * CHUNK..];
+                    sums.iter_mut().zip(plane).for_each(|(sum, x)| *sum += x);
+                }
+            }
+            places.iter_mut().zip(sums).for_each(|(it, sum)| *it = place(sum));
+        });
+        places
+    }
+}
+
+/// Puts the plain estimate where an expert says very much more: it has taken light from beyond an
+/// edge. Where no sample has seen any light, it may be right.
+fn disbelieve(estimates: &mut [f32], plain: &[f32]) {
+    for (estimate, plain) in estimates.iter_mut().zip(plain) {
+        if *plain > 0.0 && *estimate > MOST_TIMES * plain {
+            *estimate = *plain;
+        }
     }
 }
 
 /// Changes of lanes, for each layer: those of pixels that emit belong to the emission.
 fn by_layer(strip: &Strip<'_>, layers: &Layers, changes: Vec<f32>) -> Vec<Vec<f32>> {
-    let Some(emitted) = layers.parts.get(EMITTED) else { return vec![changes] };
-    let emission = strip.grid.inner(&emitted.mean);
-    let pixels = emission.len() / strip.grid.channels();
-    let mut by_layer = vec![changes; 2];
-    for pixel in 0..pixels {
-        let lanes = (pixel..emission.len()).step_by(pixels);
-        let emits = lanes.clone().any(|lane| emission[lane] != 0.0);
-        lanes.for_each(|lane| by_layer[usize::from(!emits)][lane] = 0.0);
+    if layers.parts.len() == 1 {
+        return vec![changes];
     }
-    by_layer
+    let of_layer = |emitted: bool| {
+        let (width, first) = (strip.grid.width(), strip.grid.inner_rows().start);
+        let inner = &layers.emits[first * width..];
+        let mut of_layer = changes.clone();
+        for plane in of_layer.chunks_exact_mut(strip.grid.inner_rows().len() * width) {
+            let lanes = plane.par_iter_mut().zip(inner);
+            lanes.filter(|(_, emits)| **emits != emitted).for_each(|(change, _)| *change = 0.0);
+        }
+        of_layer
+    };
+    vec![of_layer(false), of_layer(true)]
 }
