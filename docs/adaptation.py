@@ -6,8 +6,8 @@
 
 `--measure` uses target/release/nst, or the binary that the environment variable NST names, and goes on where
 it was cut off. docs/adaptation.csv has a row for each rendering and method: errors against a reference of two
-independent halves, and what the guard predicted. docs/adaptation-errors.csv compares the layer `StdError` with
-the true errors, by tenths of the lanes from dark to bright.
+independent halves, and what the guard predicted. docs/adaptation-errors.csv compares the layer `StdError`
+with the true errors, by tenths of the lanes from dark to bright.
 """
 
 import csv

@@ -39,7 +39,11 @@ COUNTS = [8, 32, 256]
 RUNS = 4
 PLAIN, AUTO, NETWORK = "none", "auto: lane", "small"
 BLENDED = f"{AUTO} + {NETWORK}"
-NAMES = {AUTO: "`auto --experts lane`", BLENDED: f"`auto --experts lane,{NETWORK}`", NETWORK: f"`{NETWORK}` alone"}
+NAMES = {
+    AUTO: "`auto --experts lane`",
+    BLENDED: f"`auto --experts lane,{NETWORK}`",
+    NETWORK: f"`{NETWORK}` alone",
+}
 
 
 def bench(scene: str, folder: Path) -> list[list[object]]:

@@ -118,6 +118,7 @@ def guard() -> str:
         "none": "`--transform none`",
         "auto": "`--transform auto --experts lane`",
         "none, features": "`--transform none --features`",
+        "auto, filter": "`--transform auto --experts lane,filter`",
     }
 
     def median(asked: str, key: str) -> float:
@@ -127,7 +128,9 @@ def guard() -> str:
         return f"{100 * (median(asked, key) - median('none', key)) / median('none', of):.1f}"
 
     lines = []
-    for asked, shown in options.items() if rows else []:
+    for asked, shown in options.items():
+        if all(row["asked"] != asked for row in rows):
+            continue
         total, user, peak = (
             median(asked, key) for key in ("total_seconds", "user_seconds", "peak_mebibytes")
         )

@@ -9,6 +9,7 @@ use super::{
         seen::{STATISTICS, left_out},
     },
     cells::{Cells, Division, Rows},
+    changes,
     cost::{TILE, TimeLimit, tile},
     fitted::FittedPicture,
     layers::{FEATURES, Strip},
@@ -68,13 +69,13 @@ impl PictureGuard {
         Self { limit, ..self }
     }
 
-    /// How many rows beside a strip its experts read.
+    /// How many rows beside a strip are read.
     fn halo(&self) -> u32 {
         let halos = self.experts.iter().map(|expert| match expert.support() {
             Support::Radius(radius) => radius,
             Support::Lane | Support::Pixel | Support::Picture => 0,
         });
-        halos.max().unwrap_or(0)
+        halos.fold(changes::REACH, u32::max)
     }
 
     /// Measures the experts on all strips: sums of each layer, or the expert that failed.

@@ -16,6 +16,7 @@
 //! Emission that the camera sees directly is a layer with sums and weights of its own.
 
 mod cells;
+mod changes;
 mod cost;
 mod fitted;
 mod guard;

@@ -3,8 +3,9 @@
 use rayon::prelude::*;
 
 use super::{
-    super::{hats::Place, lanes::FittedGuard, logarithm::ln, sample::CHUNK, seen::to_changes},
+    super::{hats::Place, lanes::FittedGuard, logarithm::ln, sample::CHUNK},
     cells::{BRIGHTNESS, Held},
+    changes::to_changes,
     layers::{EMITTED, Feature, Layer, Layers, Strip},
     seen::{PictureExpert, SeenPicture},
 };
@@ -15,9 +16,6 @@ const LANE: &str = "lane";
 
 /// Below this brightness, relative to the mean of the picture, all is alike.
 const FLOOR: f32 = 0.01;
-
-/// How many times more than the samples of a lane an expert may see in it.
-const MOST_TIMES: f32 = 100.0;
 
 /// The experts of a picture, and what they must know of it.
 pub(super) struct Panel<'a> {
@@ -90,11 +88,7 @@ impl Panel<'_> {
             }
             let mut estimates = vec![0.0; mean.len()];
             it.estimate(&seen, &mut estimates).map_err(|error| Failure { expert, error })?;
-            let parts = estimates.par_chunks_mut(CHUNK).zip(mean.par_chunks(CHUNK));
-            parts.for_each(|(estimates, mean)| {
-                disbelieve(estimates, mean);
-                to_changes(estimates, mean);
-            });
+            to_changes(grid, &layers.parts[number].mean, &mut estimates);
             changes.push(estimates);
         }
         let places = self.places(&mean, changes.last(), grid.channels());
@@ -118,16 +112,6 @@ impl Panel<'_> {
             places.iter_mut().zip(sums).for_each(|(it, sum)| *it = place(sum));
         });
         places
-    }
-}
-
-/// Puts the plain estimate where an expert says very much more: it has taken light from beyond an
-/// edge. Where no sample has seen any light, it may be right.
-fn disbelieve(estimates: &mut [f32], plain: &[f32]) {
-    for (estimate, plain) in estimates.iter_mut().zip(plain) {
-        if *plain > 0.0 && *estimate > MOST_TIMES * plain {
-            *estimate = *plain;
-        }
     }
 }
 
