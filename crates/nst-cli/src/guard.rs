@@ -51,7 +51,7 @@ pub(crate) fn guard(
 ) -> Result<Guarded, Error> {
     let named = if list.is_empty() { &DEFAULT } else { list };
     let limit = TimeLimit::default();
-    let within = list.is_empty().then(|| limit.clone()).unwrap_or_default();
+    let within = if list.is_empty() { limit.clone() } else { TimeLimit::default() };
     let All { list, mut oidn, missing } = All::of(named, common);
     let lanes = list.contains(&ExpertArg::Lane);
     let mut networks = Vec::new();
