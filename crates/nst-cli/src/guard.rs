@@ -37,8 +37,8 @@ pub(crate) struct Guarded {
 const DEFAULT: [ExpertArg; 2] = [ExpertArg::Lane, ExpertArg::Filter];
 
 /// The guard over the experts of a list, for samples of this sampler. If the list is empty, these are
-/// its own and the filter, which keeps within the limit. The first networks that see samples are also fitted again, as many as there is
-/// room for.
+/// its own and the filter, which keeps within the limit. The first networks that see samples are
+/// also fitted again, as many as there is room for.
 ///
 /// # Errors
 /// [`Error::Usage`] says which expert cannot be one, and why.

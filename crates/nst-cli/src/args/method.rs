@@ -23,8 +23,8 @@ pub(crate) struct MethodArgs {
     /// itself; `filter` and `oidn` (Open Image Denoise, if it is found), which look at neighbours; and
     /// networks that see the samples, by their names (such as `small`) or their safetensors files.
     /// `all` stands for `lane,filter`, and for `oidn` where it can be loaded: networks have added
-    /// nothing to these. [default: lane, and filter if it takes no longer than a third of the
-    /// rendering, or than a second]
+    /// nothing to these. [default: lane, and filter, but of large pictures only if it takes no
+    /// longer than a third of the rendering]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = expert, conflicts_with = "weights")]
     pub(crate) experts: Vec<ExpertArg>,
     /// Use the network of this safetensors file.

@@ -34,7 +34,8 @@ pub struct PictureGuard {
 /// from such as are so by chance.
 const LEAST_PIXELS: usize = 1024;
 
-/// Pictures of fewer tiles take so little time that it is not worth measuring.
+/// Pictures of fewer tiles take a second or two at most, and no measurement of time decides on
+/// their bits.
 const LEAST_TILES: usize = 16;
 
 impl PictureGuard {
