@@ -22,6 +22,8 @@ from readers import (
 SCENE = REPOSITORY / "scenes/cornell/cornell.obj"
 WIDTH, HEIGHT, SPP = 13, 37, 11
 RENDER = ("render", "--scene", SCENE, "--size", f"{WIDTH}x{HEIGHT}", "--spp", SPP, "--quiet")
+# Sequences without features.
+LANE = ("--experts", "lane")
 
 
 def read_by_all(path: Path) -> tuple[Channels, dict[str, object]]:
@@ -93,7 +95,7 @@ def test_what_the_guard_says(nst: Nst, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("keep", ["window", "pow2", "all"])
 def test_sequences(nst: Nst, tmp_path: Path, keep: str) -> None:
-    nst(*RENDER, "--keep", keep, "--seed", 3, "--sequence", "seq.exr", "-o", "x.exr")
+    nst(*RENDER, *LANE, "--keep", keep, "--seed", 3, "--sequence", "seq.exr", "-o", "x.exr")
     nst(*RENDER, "--seed", 3, "--runs", 1, "-o", "x.safetensors")
     channels, header = read_by_all(tmp_path / "seq.exr")
     terms = [int(count) for count in str(header["nst.terms"]).split(",")]
@@ -157,7 +159,7 @@ def test_packed_estimates(nst: Nst, tmp_path: Path) -> None:
 
 def test_merged_sequences(nst: Nst, tmp_path: Path) -> None:
     for seed in range(3):
-        nst(*RENDER, "--seed", seed, "--sequence", f"{seed}.exr", "-o", "x.exr")
+        nst(*RENDER, *LANE, "--seed", seed, "--sequence", f"{seed}.exr", "-o", "x.exr")
     nst("merge", "0.exr", "1.exr", "-o", "01.exr")
     nst("merge", "01.exr", "2.exr", "-o", "all.exr")
     merged, header = read_by_all(tmp_path / "all.exr")
@@ -178,7 +180,7 @@ def test_merged_sequences(nst: Nst, tmp_path: Path) -> None:
 
 
 def test_oiiotool_lists_and_copies_a_sequence(nst: Nst, tmp_path: Path) -> None:
-    nst(*RENDER, "--sequence", "seq.exr", "-o", "x.exr")
+    nst(*RENDER, *LANE, "--sequence", "seq.exr", "-o", "x.exr")
 
     def oiiotool(*arguments: str) -> str:
         command = [OIIOTOOL, *arguments]
