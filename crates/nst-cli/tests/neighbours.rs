@@ -52,6 +52,8 @@ fn the_filter_under_the_guard() {
         for picture in ["x.exr", "y.exr"] {
             let weights = channels(&bench, picture, "weight.");
             assert_eq!(weights, ["weight.filter", "weight.lane"], "{picture}");
+            let info = bench.succeed(&format!("info {picture}"));
+            assert!(info.contains("weight.filter, weight.lane\n"), "{info}");
         }
     }
     // S has the bits that it has without; the estimates have not.

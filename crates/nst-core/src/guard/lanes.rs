@@ -9,8 +9,8 @@ use super::{
     refit::{Adapting, Refit},
     regression::Regressions,
     sample::{
-        CHUNK, FoldMeans, FurtherMeans, GROUPS, Sample, fold_means, further_means, of_inner,
-        part_of,
+        CHUNK, FoldMeans, FurtherMeans, GROUPS, Sample, fold_means, further_means, inner_planes,
+        of_inner, part_of,
     },
     seen::{Expert, STATISTICS, left_out, to_changes},
     simplex::MOST,
@@ -294,7 +294,8 @@ impl FittedGuard<'_> {
 
     /// The estimates of all lanes of a strip, and their errors.
     fn estimate(&self, statistics: &Statistics<'_>, out: &mut Estimates) -> Result<(), Error> {
-        let (of_plane, starts) = inner_planes(statistics.strip);
+        let strip = statistics.strip;
+        let (of_plane, starts) = strip.grid().map_or((strip.lanes(), vec![0]), inner_planes);
         let (values, status, errors) = out.reset_with_errors(of_plane * starts.len());
         let planes = values.par_chunks_mut(of_plane).zip(status.par_chunks_mut(of_plane));
         let planes = planes.zip(errors.par_chunks_mut(of_plane)).zip(starts);
@@ -317,15 +318,6 @@ impl FittedGuard<'_> {
             })
         })
     }
-}
-
-/// How many lanes of each channel are no lanes of a halo, and where they begin. Without a grid, all
-/// lanes are one plane.
-fn inner_planes(strip: &SequenceBatch) -> (usize, Vec<usize>) {
-    let Some(grid) = strip.grid() else { return (strip.lanes(), vec![0]) };
-    let starts =
-        (0..grid.channels()).map(|channel| grid.lanes_of(channel, grid.inner_rows()).start);
-    (grid.inner_rows().len() * grid.width(), starts.collect())
 }
 
 /// What the guard says of some lanes, `[lane]`.

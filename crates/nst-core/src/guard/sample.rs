@@ -256,15 +256,19 @@ impl Sample {
     }
 }
 
+/// How many lanes of each channel are in the inner rows of a strip, and which are the first.
+pub(super) fn inner_planes(grid: &Grid) -> (usize, Vec<usize>) {
+    let rows = grid.inner_rows();
+    let starts = (0..grid.channels()).map(|channel| grid.lanes_of(channel, rows.clone()).start);
+    (rows.len() * grid.width(), starts.collect())
+}
+
 /// Numbers of the lanes of a strip's inner rows, [`CHUNK`] at a time: `write` gets lanes of the
 /// strip, and where their numbers go. They are 0 unless it writes others.
 pub(super) fn of_inner(grid: &Grid, write: impl Fn(Range<usize>, &mut [f32]) + Sync) -> Vec<f32> {
-    let rows = grid.inner_rows();
-    let of_channel = rows.len() * grid.width();
-    let mut numbers = vec![0.0; grid.channels() * of_channel];
-    let planes = numbers.par_chunks_exact_mut(of_channel).enumerate();
-    planes.for_each(|(channel, plane)| {
-        let start = grid.lanes_of(channel, rows.clone()).start;
+    let (of_plane, starts) = inner_planes(grid);
+    let mut numbers = vec![0.0; of_plane * starts.len()];
+    numbers.par_chunks_exact_mut(of_plane).zip(starts).for_each(|(plane, start)| {
         plane.par_chunks_mut(CHUNK).enumerate().for_each(|(number, part)| {
             let first = start + number * CHUNK;
             write(first..first + part.len(), part);

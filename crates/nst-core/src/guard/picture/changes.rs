@@ -16,7 +16,7 @@ const MOST_TIMES: f32 = 100.0;
 /// Next to what is very bright, an expert may take light from beyond an edge. In a few pixels that
 /// may go unnoticed, as their sums say nothing of others. So nobody is believed who says a hundred
 /// times what the samples say; where these are black, what those of the pixels around say.
-pub(super) fn to_changes(grid: &Grid, plain: &[f32], estimates: &mut [f32]) {
+pub(super) fn believed_changes(grid: &Grid, plain: &[f32], estimates: &mut [f32]) {
     let (width, inner) = (grid.width(), grid.inner_rows());
     let planes = estimates.par_chunks_exact_mut(inner.len() * width);
     planes.zip(plain.par_chunks_exact(grid.pixels())).for_each(|(estimates, plain)| {
@@ -63,7 +63,7 @@ mod tests {
         let grid = Grid::new(4, 5, 1, 0).expect("a grid");
         let changes = |value: f32| {
             let mut estimates = vec![value; plain.len()];
-            to_changes(&grid, &plain, &mut estimates);
+            believed_changes(&grid, &plain, &mut estimates);
             estimates
         };
         // Ten times what is around is believed, and so is anything where nothing is known.

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::{
     super::{hats::Place, lanes::FittedGuard, logarithm::ln, sample::CHUNK},
     cells::{BRIGHTNESS, Held},
-    changes::to_changes,
+    changes::believed_changes,
     layers::{EMITTED, Feature, Layer, Layers, Strip},
     seen::{PictureExpert, SeenPicture},
 };
@@ -88,7 +88,7 @@ impl Panel<'_> {
             }
             let mut estimates = vec![0.0; mean.len()];
             it.estimate(&seen, &mut estimates).map_err(|error| Failure { expert, error })?;
-            to_changes(grid, &layers.parts[number].mean, &mut estimates);
+            believed_changes(grid, &layers.parts[number].mean, &mut estimates);
             changes.push(estimates);
         }
         let places = self.places(&mean, changes.last(), grid.channels());
