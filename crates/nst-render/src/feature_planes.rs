@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use nst_core::{FOLDS, FeatureSums, Side};
+use nst_core::{FOLDS, FeatureSum, FeatureSums, Side};
 
 use crate::{
     Error, memory,
@@ -12,8 +12,8 @@ use crate::{
     tiles::{self, BATCH},
 };
 
-/// Planes with sums of folds: three of albedo, of normals and of emission each.
-const PLANES: usize = 9;
+/// [Planes](FeatureSums::planes) with sums of folds.
+const PLANES: usize = FeatureSums::PLANES;
 /// The first that is of emission; they come last.
 const EMISSION: usize = 6;
 /// How many samples of a pixel come at once most often.
@@ -41,10 +41,10 @@ impl FeaturePlanes {
     /// Fills planes of zeros with sums in the order of tiles.
     pub(crate) fn fill(&mut self, sums: &[FeatureSums]) {
         for (pixel, sums) in sums.iter().enumerate() {
-            for (plane, folds) in folds_of(sums).into_iter().enumerate() {
+            for (plane, folds) in sums.planes().into_iter().enumerate() {
                 // Zeros are there already.
-                if folds != [0.0; FOLDS] {
-                    self.folds[plane * self.depth.len() + pixel] = folds;
+                if *folds != [0.0; FOLDS] {
+                    self.folds[plane * self.depth.len() + pixel] = *folds;
                 }
             }
             self.depth[pixel] = sums.depth;
@@ -66,12 +66,6 @@ impl FeaturePlanes {
         let folds = folds.map(|plane| &plane[place.clone()]).collect();
         FeaturesView { folds, depth: &self.depth[place.clone()] }
     }
-}
-
-/// `[plane]`
-fn folds_of(sums: &FeatureSums) -> [[f64; FOLDS]; PLANES] {
-    let [[a, b, c], [d, e, f], [g, h, i]] = [sums.albedo, sums.normal, sums.emission];
-    [a, b, c, d, e, f, g, h, i]
 }
 
 /// A tile's part of [`FeaturePlanes`].
@@ -172,15 +166,12 @@ impl FeaturesView<'_> {
     /// Those of some of the pixels.
     pub(crate) fn write_sums(&self, pixels: Range<usize>, out: &mut [FeatureSums]) {
         for (pixel, out) in pixels.zip(out) {
-            let of =
-                |first: usize| std::array::from_fn(|channel| self.folds[first + channel][pixel]);
-            let depth = self.depth[pixel];
-            *out = FeatureSums { albedo: of(0), normal: of(3), depth, emission: of(EMISSION) };
+            *out = FeatureSums::of_planes(|plane| self.folds[plane][pixel], self.depth[pixel]);
         }
     }
 
-    /// Writes a channel of a feature of some of the pixels, which have n samples: what
-    /// [`FeatureSums::write_side`] does.
+    /// Writes a channel of a feature of some of the pixels, which have n samples; leaves `out` as
+    /// it is if the side channel is another.
     pub(crate) fn write_side(
         &self,
         pixels: Range<usize>,
@@ -189,29 +180,23 @@ impl FeaturesView<'_> {
         n: u32,
         out: &mut [f32],
     ) {
-        let count = FeatureSums::count(side, n);
-        let (first, fold) = match *side {
-            Side::Albedo => (0, None),
-            Side::Normal => (3, None),
-            Side::Emission => (EMISSION, None),
-            Side::AlbedoFold(fold) => (0, Some(fold)),
-            Side::NormalFold(fold) => (3, Some(fold)),
-            Side::EmissionFold(fold) => (EMISSION, Some(fold)),
-            Side::Depth => {
-                let means = self.depth[pixels].iter().map(|sum| (sum / count) as f32);
-                out.iter_mut().zip(means).for_each(|(out, mean)| *out = mean);
-                return;
+        let Some(sum) = FeatureSum::of(side, channel) else { return };
+        let count = sum.count(n);
+        let mean = |sum: f64| (sum / count) as f32;
+        match sum {
+            FeatureSum::Plane(plane) => {
+                let sums = &self.folds[plane][pixels];
+                let sums = out.iter_mut().zip(sums);
+                sums.for_each(|(out, &[a, b, c, d])| *out = mean(a + b + c + d));
             }
-            _ => return,
-        };
-        let sums = &self.folds[first + channel][pixels];
-        match fold.map(usize::from) {
-            Some(fold) => out.iter_mut().zip(sums).for_each(|(out, sums)| {
-                *out = (sums[fold] / count) as f32;
-            }),
-            None => out.iter_mut().zip(sums).for_each(|(out, &[a, b, c, d])| {
-                *out = ((a + b + c + d) / count) as f32;
-            }),
+            FeatureSum::Fold(plane, fold) => {
+                let sums = &self.folds[plane][pixels];
+                out.iter_mut().zip(sums).for_each(|(out, sums)| *out = mean(sums[fold]));
+            }
+            FeatureSum::Depth => {
+                let sums = &self.depth[pixels];
+                out.iter_mut().zip(sums).for_each(|(out, sum)| *out = mean(*sum));
+            }
         }
     }
 }
@@ -297,7 +282,11 @@ mod tests {
             for channel in 0..if *side == Side::Depth { 1 } else { 3 } {
                 let (mut means, mut expected) = ([9.0; 10], [9.0; 10]);
                 planes.view(&(1..13)).write_side(1..11, side, channel, 7, &mut means);
-                FeatureSums::write_side(&sums[2..12], side, channel, 7, &mut expected);
+                for (expected, sums) in expected.iter_mut().zip(&sums[2..12]) {
+                    if let Some(sum) = sums.sum(side, channel) {
+                        *expected = (sum / FeatureSums::count(side, 7)) as f32;
+                    }
+                }
                 assert_eq!(means, expected, "{side:?}");
             }
         }

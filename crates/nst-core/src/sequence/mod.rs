@@ -13,7 +13,7 @@ mod strips;
 mod sums;
 
 pub use batch::{LANES_PER_BLOCK, SequenceBatch};
-pub use features::FeatureSums;
+pub use features::{FeatureSum, FeatureSums};
 pub use further_powers::FurtherPowers;
 pub use grid::Grid;
 pub use keep::Keep;
