@@ -9,7 +9,7 @@ use crate::{
     Error, memory,
     packet::PACKET,
     path::FeaturePacket,
-    tiles::{self, BATCH},
+    tiles::{self, BATCH, TILE},
 };
 
 /// [Planes](FeatureSums::planes) with sums of folds.
@@ -38,9 +38,23 @@ impl FeaturePlanes {
         Ok(Self { folds, depth: memory::zeros(pixels, needed)? })
     }
 
-    /// Fills planes of zeros with sums in the order of tiles.
-    pub(crate) fn fill(&mut self, sums: &[FeatureSums]) {
-        for (pixel, sums) in sums.iter().enumerate() {
+    /// Fills planes of zeros with the sums of a picture of this size, row by row. They shrink as
+    /// the planes grow, so that no more than a row of tiles is in memory twice.
+    pub(crate) fn take(&mut self, mut sums: Vec<FeatureSums>, [width, _]: [u32; 2]) {
+        let row_of_tiles = (TILE * width) as usize;
+        while !sums.is_empty() {
+            let first = (sums.len() - 1) / row_of_tiles * row_of_tiles;
+            let rows = &mut sums[first..];
+            let height = rows.len() as u32 / width;
+            tiles::to_tiles(rows, [width, height]);
+            self.fill(first, rows);
+            memory::cut(&mut sums, first);
+        }
+    }
+
+    /// Fills zeros with sums in the order of tiles, from a pixel on.
+    fn fill(&mut self, first: usize, sums: &[FeatureSums]) {
+        for (pixel, sums) in (first..).zip(sums) {
             for (plane, folds) in sums.planes().into_iter().enumerate() {
                 // Zeros are there already.
                 if *folds != [0.0; FOLDS] {
@@ -267,7 +281,7 @@ mod tests {
                 assert_eq!(sums(&planes), expected(end), "{ends:?}");
                 let sums = sums(&planes);
                 planes = FeaturePlanes::new(PIXELS, 0).expect("some memory");
-                planes.fill(&sums);
+                planes.fill(0, &sums);
                 first = end;
             }
         }

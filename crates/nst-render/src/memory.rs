@@ -5,7 +5,7 @@ use nst_core::{FOLDS, FeatureSums, LaneSums};
 
 use crate::{
     Error,
-    settings::{CHANNELS, RenderSettings},
+    settings::{CHANNELS, RenderSettings, Start},
     slots::Slots,
 };
 
@@ -23,19 +23,39 @@ fn bytes_per_pixel(settings: &RenderSettings) -> u128 {
     CHANNELS as u128 * (slots * size_of::<f32>() as u128 + sums as u128) + features as u128
 }
 
+/// Bytes of what a rendering is continued from, all of which become a part of it.
+pub(crate) fn of_start(Start { batch, sums }: &Start) -> usize {
+    let features = sums.features.as_ref().map_or(0, |pixels| size_of_val(&pixels[..]));
+    let lanes = size_of_val(&sums.lanes[..]) + size_of_val(sums.powers.sums());
+    batch.terms().len() * size_of::<f32>() + lanes + features
+}
+
 /// Fails if a rendering needs more memory than is free, before anything is allocated;
 /// [`render`](crate::render()) checks this, too.
 ///
 /// # Errors
 /// [`Error::Memory`], with what would fit.
 pub fn check_memory(size: [u32; 2], settings: &RenderSettings) -> Result<(), Error> {
-    let Some(available) = available() else { return Ok(()) };
+    check_further(size, settings, 0)
+}
+
+/// The same where so many bytes of what the rendering needs are in memory already.
+pub(crate) fn check_further(
+    size: [u32; 2],
+    settings: &RenderSettings,
+    present: usize,
+) -> Result<(), Error> {
+    let Some(free) = free() else { return Ok(()) };
+    let available = u128::from(free) + present as u128;
     let needed = needed(size, settings);
-    if needed <= u128::from(available) {
+    if needed <= available {
         return Ok(());
     }
-    let advice = advice(size, settings, available.into());
-    Err(Error::Memory { needed: gib(needed), available: gib(available.into()), advice })
+    let advice = match present {
+        0 => advice(size, settings, available),
+        _ => "a rendering that is continued keeps its size and its features".into(),
+    };
+    Err(Error::Memory { needed: gib(needed), available: gib(available), advice })
 }
 
 /// What would fit: a picture of the same shape, or fewer terms, or else both.
@@ -74,12 +94,18 @@ pub(crate) fn zeros<T: Zeroable>(count: usize, needed: u128) -> Result<Vec<T>, E
     })
 }
 
+/// Gives the memory of all elements from a number on back.
+pub(crate) fn cut<T>(values: &mut Vec<T>, length: usize) {
+    values.truncate(length);
+    values.shrink_to_fit();
+}
+
 fn gib(bytes: u128) -> String {
     format!("{:.1} GiB", bytes as f64 / f64::from(1_u32 << 30))
 }
 
 /// Bytes of memory and of swap space that are free, where the system tells: Linux.
-fn available() -> Option<u64> {
+fn free() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let kibibytes = |key: &str| -> Option<u64> {
         let line = text.lines().find(|line| line.starts_with(key))?;
@@ -94,6 +120,24 @@ mod tests {
 
     use super::*;
     use crate::SamplerKind;
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn what_is_in_memory_is_not_asked_for_again() {
+        let settings = RenderSettings {
+            spp: 1 << 20,
+            sampler: SamplerKind::Random,
+            seed: 0,
+            keep: Keep::All,
+            features: true,
+            powers: FurtherPowers::NONE,
+        };
+        let size = [26_000, 26_000];
+        let present = usize::try_from(needed(size, &settings)).expect("64 bits");
+        assert!(check_further(size, &settings, present).is_ok());
+        let error = check_further(size, &settings, present / 2).expect_err("petabytes");
+        assert!(error.to_string().ends_with("keeps its size and its features"), "{error}");
+    }
 
     /// In 128 MiB; a lane takes 4 bytes for each term, and 96 for its sums.
     #[test]
