@@ -58,7 +58,8 @@ pub(crate) fn check_further(
     Err(Error::Memory { needed: gib(needed), available: gib(available), advice })
 }
 
-/// What would fit: a picture of the same shape, or fewer terms, or else both.
+/// What would fit: a picture of the same shape, or fewer terms, or no features, or else a smaller
+/// picture of one term.
 fn advice(size: [u32; 2], settings: &RenderSettings, available: u128) -> String {
     let fitting = |settings: &RenderSettings| {
         let pixels = available / bytes_per_pixel(settings);
@@ -73,6 +74,10 @@ fn advice(size: [u32; 2], settings: &RenderSettings, available: u128) -> String 
     }
     if let Some(spare) = available.checked_sub(needed(size, &least)) {
         ways.push(format!("{} stored terms of each pixel", 1 + spare / needed_per_term(size)));
+    }
+    let plain = RenderSettings { features: false, ..*settings };
+    if settings.features && needed(size, &plain) <= available {
+        ways.push("the same without features (as with --experts lane)".into());
     }
     if ways.is_empty() {
         let [width, height] = fitting(&least);
@@ -139,21 +144,40 @@ mod tests {
         assert!(error.to_string().ends_with("keeps its size and its features"), "{error}");
     }
 
-    /// In 128 MiB; a lane takes 4 bytes for each term, and 96 for its sums.
+    /// In 128 MiB; a lane takes 4 bytes for each term, and 96 for its sums; features take 296 bytes
+    /// of a pixel.
     #[test]
     fn what_would_fit_is_neither_nothing_nor_too_much() {
-        for (size, spp, expected) in [
-            ([4000, 1000], 8, "1182x295 pixels would fit"),
-            ([16, 16], 2_000_000, "2x2 pixels, or 43666 stored terms of each pixel would fit"),
-            ([16, 16], 4_000_000_000, "43666 stored terms of each pixel would fit"),
-            ([16000, 16000], 4_000_000_000, "668x668 pixels with one stored term each would fit"),
+        for (size, spp, features, expected) in [
+            ([4000, 1000], 8, false, "1182x295 pixels would fit"),
+            (
+                [16, 16],
+                2_000_000,
+                false,
+                "2x2 pixels, or 43666 stored terms of each pixel would fit",
+            ),
+            ([16, 16], 4_000_000_000, false, "43666 stored terms of each pixel would fit"),
+            (
+                [16000, 16000],
+                4_000_000_000,
+                false,
+                "668x668 pixels with one stored term each would fit",
+            ),
+            (
+                [500, 500],
+                8,
+                true,
+                "444x444 pixels, or the same without features (as with --experts lane) would fit",
+            ),
+            // 384 bytes of each pixel without them.
+            ([592, 592], 8, true, "444x444 pixels would fit"),
         ] {
             let settings = RenderSettings {
                 spp,
                 sampler: SamplerKind::Random,
                 seed: 0,
                 keep: Keep::All,
-                features: false,
+                features,
                 powers: FurtherPowers::NONE,
             };
             assert_eq!(advice(size, &settings, 1 << 27), expected);
