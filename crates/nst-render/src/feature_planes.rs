@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use nst_core::{FOLDS, FeatureSum, FeatureSums, Side};
+use nst_core::{FOLDS, FeatureSum, FeatureSums, Side, write_fold_means};
 
 use crate::{
     Error, memory,
@@ -184,6 +184,21 @@ impl FeaturesView<'_> {
         }
     }
 
+    /// Writes a channel of all folds of a feature of some of the pixels, which have n samples, at
+    /// once: what [`Self::write_side`] does for each.
+    pub(crate) fn write_folds(
+        &self,
+        pixels: Range<usize>,
+        folds: &[Side; FOLDS],
+        channel: usize,
+        n: u32,
+        outs: &mut [&mut [f32]; FOLDS],
+    ) {
+        if let Some(FeatureSum::Fold(plane, _)) = FeatureSum::of(&folds[0], channel) {
+            write_fold_means(&self.folds[plane][pixels], |folds| folds, n, outs);
+        }
+    }
+
     /// Writes a channel of a feature of some of the pixels, which have n samples; leaves `out` as
     /// it is if the side channel is another.
     pub(crate) fn write_side(
@@ -302,6 +317,25 @@ mod tests {
                     }
                 }
                 assert_eq!(means, expected, "{side:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn all_folds_at_once_are_those_one_by_one() {
+        let mut planes = FeaturePlanes::new(PIXELS, 0).expect("some memory");
+        add(&mut planes, 0..7);
+        let view = planes.view(&(1..13));
+        for sides in Side::FEATURE_FOLDS {
+            for channel in 0..3 {
+                let mut at_once = [[9.0; 10]; FOLDS];
+                let mut outs = at_once.each_mut().map(|out| &mut out[..]);
+                view.write_folds(1..11, sides, channel, 7, &mut outs);
+                for (side, means) in sides.iter().zip(at_once) {
+                    let mut expected = [8.0; 10];
+                    view.write_side(1..11, side, channel, 7, &mut expected);
+                    assert_eq!(means, expected, "{side}");
+                }
             }
         }
     }

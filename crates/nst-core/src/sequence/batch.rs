@@ -179,6 +179,13 @@ impl SequenceBatch {
         terms
     }
 
+    /// The memory of its numbers, for those of another batch.
+    #[must_use]
+    pub fn into_buffers(self) -> Vec<Vec<f32>> {
+        let (terms, _) = self.terms.into_raw_vec_and_offset();
+        std::iter::once(terms).chain(self.sides.into_values()).collect()
+    }
+
     /// The best plain estimate of each lane: S_N, the last term.
     #[must_use]
     pub fn last(&self) -> &[f32] {

@@ -23,8 +23,8 @@ pub use sample_sums::SampleSums;
 pub use side::{Extent, FOLDS, Merging, Side, fold_count};
 pub(crate) use strips::sum_in_order;
 pub use strips::{Strips, Whole};
-pub use sums::LaneSums;
 pub(crate) use sums::mean_of_folds;
+pub use sums::{LaneSums, write_fold_means};
 
 #[cfg(test)]
 pub(crate) use strips::tests;
