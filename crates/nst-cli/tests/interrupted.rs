@@ -104,7 +104,7 @@ fn stop_and_go_on(name: &str, expected: i32) {
     signal(&child, name);
     let (code, said) = end(child);
     assert_eq!(code, Some(expected), "{said}");
-    // A pass takes 0.3 s, and the files are small; other tests run at the same time.
+    // A pass takes 0.6 s, and the files are small; other tests run at the same time.
     assert!(begin.elapsed() < Duration::from_secs(10), "{:?}", begin.elapsed());
     let stopped = sequence(&bench, "seq.exr");
     let samples = stopped.info.samples();

@@ -51,8 +51,9 @@ pub use mlp::MlpCpu;
 pub use network::{Builtin, Layer, Metadata, Network, SampleForm, SampleNetwork, Weights};
 pub use sample_mlp::SampleMlp;
 pub use sequence::{
-    Extent, FOLDS, FeatureSums, FurtherPowers, Grid, Keep, LANES_PER_BLOCK, LaneSums, Merging,
-    Power, PowerSums, SampleSums, SequenceBatch, Side, Strips, Whole, fold_count, root,
+    Extent, FOLDS, FeatureSum, FeatureSums, FurtherPowers, Grid, Keep, LANES_PER_BLOCK, LaneSums,
+    Merging, Power, PowerSums, SampleSums, SequenceBatch, Side, Strips, Whole, fold_count, root,
+    write_fold_means,
 };
 pub(crate) use sequence::{mean_of_folds, sum_in_order};
 pub use transform::{Estimates, Fit, Fitted, Identity, Requirements, Status, Support, Transform};

@@ -117,10 +117,12 @@ fn features(batch: &mut SequenceBatch) -> Vec<FeatureSums> {
     let pixels: Vec<_> = (0..13 * 21).map(of_pixel).collect();
     for side in Side::FEATURES {
         let channels = if *side == Side::Depth { 1 } else { 3 };
-        let mut means = vec![0.0; channels * pixels.len()];
-        for (channel, means) in means.chunks_exact_mut(pixels.len()).enumerate() {
-            FeatureSums::write_side(&pixels, side, channel, 8, means);
-        }
+        let mean = |pixel: &FeatureSums, channel: usize| {
+            let sum = pixel.sum(side, channel).expect("a feature");
+            (sum / FeatureSums::count(side, 8)) as f32
+        };
+        let means = (0..channels).flat_map(|i| pixels.iter().map(move |pixel| mean(pixel, i)));
+        let means = means.collect();
         batch.set_side(side.clone(), means).expect("a value for each channel of each pixel");
     }
     pixels

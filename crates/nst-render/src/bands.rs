@@ -15,7 +15,7 @@ use nst_core::{FurtherPowers, SequenceBatch, Side};
 use rayon::{ThreadPoolBuilder, prelude::*};
 
 use crate::{
-    develop::Strip,
+    develop::{Buffers, Strip},
     film::TileFilm,
     tiles::{TILE, Tile},
 };
@@ -106,7 +106,7 @@ fn hand(
                 powers: FurtherPowers::of(&film.powers),
                 tiles: row.iter().map(|(tile, film)| film.view(*tile)).collect(),
             };
-            let rows = strip.batch([0; 2], &consumer.sides);
+            let rows = strip.batch([0; 2], &consumer.sides, &mut Buffers::default());
             (consumer.take)(Band { rows, traced });
             next += 1;
         }

@@ -1,6 +1,6 @@
 //! Rows of a picture, made from what is recorded of its tiles: sequences and side channels.
 
-use std::{collections::BTreeMap, ops::Range};
+use std::{collections::BTreeMap, ops::Range, vec};
 
 use ndarray::Array2;
 use nst_core::{
@@ -33,6 +33,25 @@ pub(crate) struct TileView<'a> {
     pub(crate) skipped: &'a Skipped,
 }
 
+/// Memory of a strip that is no longer used, for the next one: the system has to clear what is new.
+#[derive(Default)]
+pub(crate) struct Buffers(vec::IntoIter<Vec<f32>>);
+
+impl Buffers {
+    /// That of a strip.
+    pub(crate) fn of(strip: Option<SequenceBatch>) -> Self {
+        Self(strip.map(SequenceBatch::into_buffers).unwrap_or_default().into_iter())
+    }
+
+    /// So many numbers, all of which are to be written. They come in the order of the strip's, so
+    /// that most fit.
+    fn take(&mut self, count: usize) -> Vec<f32> {
+        let Some(mut values) = self.0.next() else { return vec![0.0; count] };
+        values.resize(count, 0.0);
+        values
+    }
+}
+
 /// Some rows of a picture.
 pub(crate) struct Strip<'a> {
     pub(crate) rows: Range<u32>,
@@ -49,13 +68,18 @@ pub(crate) struct Strip<'a> {
 impl Strip<'_> {
     /// The rows with these side channels, as far as the samples have them. Each of them that
     /// follows from the sums is given only from enough samples on.
-    pub(crate) fn batch(&self, [above, below]: [u32; 2], sides: &[Side]) -> SequenceBatch {
+    pub(crate) fn batch(
+        &self,
+        [above, below]: [u32; 2],
+        sides: &[Side],
+        buffers: &mut Buffers,
+    ) -> SequenceBatch {
         const FITS: &str = "a strip has a number for each lane of its grid";
         let rows = self.rows.len() as u32;
         let grid = Grid::new(self.width, rows, CHANNELS as u32, self.rows.start);
         let grid = grid.and_then(|grid| grid.with_halo(above, below)).expect(FITS);
         let slots = self.slots.sorted(self.samples);
-        let mut terms = vec![0.0; slots.len() * grid.lanes()];
+        let mut terms = buffers.take(slots.len() * grid.lanes());
         self.fill(&mut [&mut terms[..]], |tile, plane, pixels, out| {
             let term = tile.terms[slots[plane / CHANNELS] * CHANNELS + plane % CHANNELS];
             out[0].copy_from_slice(&term[pixels]);
@@ -64,7 +88,7 @@ impl Strip<'_> {
         let batch = SequenceBatch::new(terms, self.slots.sample_counts(self.samples));
         let mut batch = batch.expect("a rendering has a sample");
         batch.set_grid(grid).expect(FITS);
-        for (side, values) in self.sides(&grid, sides) {
+        for (side, values) in self.sides(&grid, sides, buffers) {
             batch.set_side(side, values).expect(FITS);
         }
         batch
@@ -122,10 +146,10 @@ impl Strip<'_> {
     }
 
     /// Those of some side channels that can be given.
-    fn sides(&self, grid: &Grid, wanted: &[Side]) -> Vec<(Side, Vec<f32>)> {
+    fn sides(&self, grid: &Grid, wanted: &[Side], buffers: &mut Buffers) -> Vec<(Side, Vec<f32>)> {
         let of_sums = Side::of_sums(self.samples).filter(|side| wanted.contains(side));
         let of_sums: Vec<&Side> = of_sums.collect();
-        let mut planes = vec![vec![0.0; grid.lanes()]; of_sums.len()];
+        let mut planes: Vec<_> = of_sums.iter().map(|_| buffers.take(grid.lanes())).collect();
         let mut outs: Vec<&mut [f32]> = planes.iter_mut().map(Vec::as_mut_slice).collect();
         // They come first, if they are wanted at all.
         let all_folds =
@@ -147,20 +171,49 @@ impl Strip<'_> {
             sides.push((Side::Skipped, self.skipped(grid)));
         }
         if self.tiles.iter().all(|tile| tile.features.is_some()) {
-            let features = Side::of_features(self.samples).filter(|side| wanted.contains(side));
-            sides.extend(features.map(|side| (side.clone(), self.feature(grid, side))));
+            sides.extend(self.features(grid, wanted, buffers));
         }
         sides
     }
 
+    /// Those of the features.
+    fn features(
+        &self,
+        grid: &Grid,
+        wanted: &[Side],
+        buffers: &mut Buffers,
+    ) -> Vec<(Side, Vec<f32>)> {
+        let features = Side::of_features(self.samples).filter(|side| wanted.contains(side));
+        let mut features: Vec<&Side> = features.collect();
+        let mut sides = Vec::new();
+        for folds in Side::FEATURE_FOLDS {
+            if !folds.iter().all(|side| features.contains(&side)) {
+                continue;
+            }
+            features.retain(|side| !folds.contains(side));
+            let mut means = [(); FOLDS].map(|()| buffers.take(3 * grid.pixels()));
+            let mut outs = means.each_mut().map(Vec::as_mut_slice);
+            self.fill(&mut outs, |tile, channel, pixels, outs| {
+                if let (Some(features), Ok(outs)) = (&tile.features, outs.try_into()) {
+                    features.write_folds(pixels, folds, channel, self.samples, outs);
+                }
+            });
+            sides.extend(folds.iter().cloned().zip(means));
+        }
+        let others =
+            features.into_iter().map(|side| (side.clone(), self.feature(grid, side, buffers)));
+        sides.extend(others);
+        sides
+    }
+
     /// A feature of all pixels.
-    fn feature(&self, grid: &Grid, side: &Side) -> Vec<f32> {
+    fn feature(&self, grid: &Grid, side: &Side, buffers: &mut Buffers) -> Vec<f32> {
         let channels = match side.extent() {
             Extent::Lane => CHANNELS,
             Extent::Pixel => 1,
             Extent::Vector => 3,
         };
-        let mut means = vec![0.0; channels * grid.pixels()];
+        let mut means = buffers.take(channels * grid.pixels());
         self.fill(&mut [&mut means[..]], |tile, channel, pixels, out| {
             if let Some(features) = &tile.features {
                 features.write_side(pixels, side, channel, self.samples, out[0]);

@@ -80,11 +80,16 @@ impl<'a, F: FnMut(Range<usize>, &Estimates)> Estimator<'a, F> {
     /// Those of the method.
     pub fn finish(mut self, rendering: &Rendering) -> Result<Box<dyn Fitted + 'a>, Error> {
         let needs = self.transform.requires();
-        let mut strips = rendering.strips().with_least_rows(needs.least_rows());
+        let read = needs.all_sides();
+        // To learn from a picture, a method may read more than it does later, but no more features.
+        let mut seen = rendering.sides();
+        seen.retain(|side| !side.is_feature() || read.contains(side));
+        let strips = rendering.strips().with_least_rows(needs.least_rows());
+        let mut strips = strips.with_sides(&seen);
         let (fitted, next) = match self.stage {
             Stage::Learns(mut fit) => {
                 strips.skip_to(self.next);
-                while let Some(strip) = strips.next_rows() {
+                while let Some(strip) = strips.next_strip()? {
                     fit.add(&strip)?;
                 }
                 (fit.finish()?, 0)
@@ -92,10 +97,10 @@ impl<'a, F: FnMut(Range<usize>, &Estimates)> Estimator<'a, F> {
             Stage::Applies(fitted) => (fitted, self.next),
             Stage::Waits => (self.transform.fit(&mut strips)?, 0),
         };
-        let mut strips = strips.with_sides(&needs.all_sides());
+        let mut strips = strips.with_sides(&read);
         strips.rewind(needs.halo())?;
         strips.skip_to(next);
-        while let Some(strip) = strips.next_rows() {
+        while let Some(strip) = strips.next_strip()? {
             fitted.apply(&strip, &mut self.estimates)?;
             (self.put)(rows_of(&strip), &self.estimates);
         }

@@ -3,17 +3,17 @@
 
 use std::ops::Range;
 
-use nst_core::{FOLDS, FeatureSums, Side};
+use nst_core::{FOLDS, FeatureSum, FeatureSums, Side, write_fold_means};
 
 use crate::{
     Error, memory,
     packet::PACKET,
     path::FeaturePacket,
-    tiles::{self, BATCH},
+    tiles::{self, BATCH, TILE},
 };
 
-/// Planes with sums of folds: three of albedo, of normals and of emission each.
-const PLANES: usize = 9;
+/// [Planes](FeatureSums::planes) with sums of folds.
+const PLANES: usize = FeatureSums::PLANES;
 /// The first that is of emission; they come last.
 const EMISSION: usize = 6;
 /// How many samples of a pixel come at once most often.
@@ -38,13 +38,27 @@ impl FeaturePlanes {
         Ok(Self { folds, depth: memory::zeros(pixels, needed)? })
     }
 
-    /// Fills planes of zeros with sums in the order of tiles.
-    pub(crate) fn fill(&mut self, sums: &[FeatureSums]) {
-        for (pixel, sums) in sums.iter().enumerate() {
-            for (plane, folds) in folds_of(sums).into_iter().enumerate() {
+    /// Fills planes of zeros with the sums of a picture of this size, row by row. They shrink as
+    /// the planes grow, so that no more than a row of tiles is in memory twice.
+    pub(crate) fn take(&mut self, mut sums: Vec<FeatureSums>, [width, _]: [u32; 2]) {
+        let row_of_tiles = (TILE * width) as usize;
+        while !sums.is_empty() {
+            let first = (sums.len() - 1) / row_of_tiles * row_of_tiles;
+            let rows = &mut sums[first..];
+            let height = rows.len() as u32 / width;
+            tiles::to_tiles(rows, [width, height]);
+            self.fill(first, rows);
+            memory::cut(&mut sums, first);
+        }
+    }
+
+    /// Fills zeros with sums in the order of tiles, from a pixel on.
+    fn fill(&mut self, first: usize, sums: &[FeatureSums]) {
+        for (pixel, sums) in (first..).zip(sums) {
+            for (plane, folds) in sums.planes().into_iter().enumerate() {
                 // Zeros are there already.
-                if folds != [0.0; FOLDS] {
-                    self.folds[plane * self.depth.len() + pixel] = folds;
+                if *folds != [0.0; FOLDS] {
+                    self.folds[plane * self.depth.len() + pixel] = *folds;
                 }
             }
             self.depth[pixel] = sums.depth;
@@ -66,12 +80,6 @@ impl FeaturePlanes {
         let folds = folds.map(|plane| &plane[place.clone()]).collect();
         FeaturesView { folds, depth: &self.depth[place.clone()] }
     }
-}
-
-/// `[plane]`
-fn folds_of(sums: &FeatureSums) -> [[f64; FOLDS]; PLANES] {
-    let [[a, b, c], [d, e, f], [g, h, i]] = [sums.albedo, sums.normal, sums.emission];
-    [a, b, c, d, e, f, g, h, i]
 }
 
 /// A tile's part of [`FeaturePlanes`].
@@ -172,15 +180,27 @@ impl FeaturesView<'_> {
     /// Those of some of the pixels.
     pub(crate) fn write_sums(&self, pixels: Range<usize>, out: &mut [FeatureSums]) {
         for (pixel, out) in pixels.zip(out) {
-            let of =
-                |first: usize| std::array::from_fn(|channel| self.folds[first + channel][pixel]);
-            let depth = self.depth[pixel];
-            *out = FeatureSums { albedo: of(0), normal: of(3), depth, emission: of(EMISSION) };
+            *out = FeatureSums::of_planes(|plane| self.folds[plane][pixel], self.depth[pixel]);
         }
     }
 
-    /// Writes a channel of a feature of some of the pixels, which have n samples: what
-    /// [`FeatureSums::write_side`] does.
+    /// Writes a channel of all folds of a feature of some of the pixels, which have n samples, at
+    /// once: what [`Self::write_side`] does for each.
+    pub(crate) fn write_folds(
+        &self,
+        pixels: Range<usize>,
+        folds: &[Side; FOLDS],
+        channel: usize,
+        n: u32,
+        outs: &mut [&mut [f32]; FOLDS],
+    ) {
+        if let Some(FeatureSum::Fold(plane, _)) = FeatureSum::of(&folds[0], channel) {
+            write_fold_means(&self.folds[plane][pixels], |folds| folds, n, outs);
+        }
+    }
+
+    /// Writes a channel of a feature of some of the pixels, which have n samples; leaves `out` as
+    /// it is if the side channel is another.
     pub(crate) fn write_side(
         &self,
         pixels: Range<usize>,
@@ -189,29 +209,23 @@ impl FeaturesView<'_> {
         n: u32,
         out: &mut [f32],
     ) {
-        let count = FeatureSums::count(side, n);
-        let (first, fold) = match *side {
-            Side::Albedo => (0, None),
-            Side::Normal => (3, None),
-            Side::Emission => (EMISSION, None),
-            Side::AlbedoFold(fold) => (0, Some(fold)),
-            Side::NormalFold(fold) => (3, Some(fold)),
-            Side::EmissionFold(fold) => (EMISSION, Some(fold)),
-            Side::Depth => {
-                let means = self.depth[pixels].iter().map(|sum| (sum / count) as f32);
-                out.iter_mut().zip(means).for_each(|(out, mean)| *out = mean);
-                return;
+        let Some(sum) = FeatureSum::of(side, channel) else { return };
+        let count = sum.count(n);
+        let mean = |sum: f64| (sum / count) as f32;
+        match sum {
+            FeatureSum::Plane(plane) => {
+                let sums = &self.folds[plane][pixels];
+                let sums = out.iter_mut().zip(sums);
+                sums.for_each(|(out, &[a, b, c, d])| *out = mean(a + b + c + d));
             }
-            _ => return,
-        };
-        let sums = &self.folds[first + channel][pixels];
-        match fold.map(usize::from) {
-            Some(fold) => out.iter_mut().zip(sums).for_each(|(out, sums)| {
-                *out = (sums[fold] / count) as f32;
-            }),
-            None => out.iter_mut().zip(sums).for_each(|(out, &[a, b, c, d])| {
-                *out = ((a + b + c + d) / count) as f32;
-            }),
+            FeatureSum::Fold(plane, fold) => {
+                let sums = &self.folds[plane][pixels];
+                out.iter_mut().zip(sums).for_each(|(out, sums)| *out = mean(sums[fold]));
+            }
+            FeatureSum::Depth => {
+                let sums = &self.depth[pixels];
+                out.iter_mut().zip(sums).for_each(|(out, sum)| *out = mean(*sum));
+            }
         }
     }
 }
@@ -282,7 +296,7 @@ mod tests {
                 assert_eq!(sums(&planes), expected(end), "{ends:?}");
                 let sums = sums(&planes);
                 planes = FeaturePlanes::new(PIXELS, 0).expect("some memory");
-                planes.fill(&sums);
+                planes.fill(0, &sums);
                 first = end;
             }
         }
@@ -297,8 +311,31 @@ mod tests {
             for channel in 0..if *side == Side::Depth { 1 } else { 3 } {
                 let (mut means, mut expected) = ([9.0; 10], [9.0; 10]);
                 planes.view(&(1..13)).write_side(1..11, side, channel, 7, &mut means);
-                FeatureSums::write_side(&sums[2..12], side, channel, 7, &mut expected);
+                for (expected, sums) in expected.iter_mut().zip(&sums[2..12]) {
+                    if let Some(sum) = sums.sum(side, channel) {
+                        *expected = (sum / FeatureSums::count(side, 7)) as f32;
+                    }
+                }
                 assert_eq!(means, expected, "{side:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn all_folds_at_once_are_those_one_by_one() {
+        let mut planes = FeaturePlanes::new(PIXELS, 0).expect("some memory");
+        add(&mut planes, 0..7);
+        let view = planes.view(&(1..13));
+        for sides in Side::FEATURE_FOLDS {
+            for channel in 0..3 {
+                let mut at_once = [[9.0; 10]; FOLDS];
+                let mut outs = at_once.each_mut().map(|out| &mut out[..]);
+                view.write_folds(1..11, sides, channel, 7, &mut outs);
+                for (side, means) in sides.iter().zip(at_once) {
+                    let mut expected = [8.0; 10];
+                    view.write_side(1..11, side, channel, 7, &mut expected);
+                    assert_eq!(means, expected, "{side}");
+                }
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, ops::Range};
 
-use nst_core::{FOLDS, FurtherPowers, Grid, LaneSums, Power, SampleSums, Side};
+use nst_core::{FOLDS, FurtherPowers, Grid, LaneSums, Power, SampleSums, SequenceBatch, Side};
 
 use crate::{
     Error,
@@ -44,14 +44,29 @@ impl Film {
     /// [`Error::Settings`] if there are no pixels or too many, [`Error::Memory`] if they
     /// do not fit.
     pub(crate) fn new(settings: &RenderSettings, size: [u32; 2]) -> Result<Self, Error> {
+        let film = Self::without_sums(settings, size, 0)?;
+        let (lanes, needed) = (film.grid.lanes(), memory::needed(size, settings));
+        Ok(Self {
+            sums: memory::zeros(lanes, needed)?,
+            further: memory::zeros(settings.powers.count() * lanes, needed)?,
+            ..film
+        })
+    }
+
+    /// The same without the sums of lanes, if it fits together with them; so many bytes of it
+    /// are in memory already.
+    fn without_sums(
+        settings: &RenderSettings,
+        size: [u32; 2],
+        present: usize,
+    ) -> Result<Self, Error> {
         let grid = Grid::new(size[0], size[1], CHANNELS as u32, 0).map_err(|_| {
             let [width, height] = size;
             let why = if width == 0 || height == 0 { "nothing to render" } else { "too many" };
             Error::Settings(format!("{width}x{height} pixels are {why}; give another size"))
         })?;
         let slots = Slots::new(settings.keep, settings.spp);
-        memory::check_memory(size, settings)?;
-        let skipped = vec![Skipped::new(); tiles::tiles(size).count()];
+        memory::check_further(size, settings, present)?;
         let needed = memory::needed(size, settings);
         let features = settings.features.then(|| FeaturePlanes::new(grid.pixels(), needed));
         Ok(Self {
@@ -60,11 +75,11 @@ impl Film {
             slots,
             samples: 0,
             terms: memory::zeros(slots.count().saturating_mul(grid.lanes()), needed)?,
-            sums: memory::zeros(grid.lanes(), needed)?,
+            sums: Vec::new(),
             features: features.transpose()?,
             powers: settings.powers,
-            further: memory::zeros(settings.powers.count() * grid.lanes(), needed)?,
-            skipped,
+            further: Vec::new(),
+            skipped: vec![Skipped::new(); tiles::tiles(size).count()],
         })
     }
 
@@ -78,9 +93,10 @@ impl Film {
         settings: &RenderSettings,
         size: [u32; 2],
     ) -> Result<Self, Error> {
+        let present = memory::of_start(&start);
         let Start { batch, sums } = start;
-        let SampleSums { lanes: mut sums, mut features, powers } = sums;
-        let counts = batch.sample_counts().to_vec();
+        let SampleSums { lanes: mut sums, features, powers } = sums;
+        let counts = batch.sample_counts();
         let samples = counts[counts.len() - 1];
         let lanes = CHANNELS * size[0] as usize * size[1] as usize;
         let fits = batch.lanes() == lanes
@@ -100,14 +116,7 @@ impl Film {
             );
             return Err(Error::Settings(message));
         }
-        // Without its sums: `start` has them.
-        let film = Self::new(settings, size)?;
-        let mut film = Self { sums: Vec::new(), further: Vec::new(), ..film };
-        for (k, count) in counts.into_iter().enumerate() {
-            for slot in film.slots.of(count, samples) {
-                film.terms[slot * lanes..][..lanes].copy_from_slice(batch.term(k));
-            }
-        }
+        let mut film = Self::without_sums(settings, size, present)?;
         if let Some(skipped) = batch.side(&Side::Skipped) {
             for (tile, pixels) in tiles::tiles(size).zip(&mut film.skipped) {
                 *pixels = (0..tile.pixels())
@@ -116,16 +125,28 @@ impl Film {
                     .collect();
             }
         }
-        drop(batch);
-        tiles::to_tiles(&mut film.terms, size);
+        film.take_terms(batch);
+        if let (Some(planes), Some(features)) = (&mut film.features, features) {
+            planes.take(features, size);
+        }
         let mut further = powers.into_sums();
         tiles::to_tiles(&mut sums, size);
         tiles::to_tiles(&mut further, size);
-        if let (Some(planes), Some(features)) = (&mut film.features, &mut features) {
-            tiles::to_tiles(features, size);
-            planes.fill(features);
-        }
         Ok(Self { samples, sums, further, ..film })
+    }
+
+    /// Fills zeros with the terms that are kept. The batch shrinks as the film grows, so that
+    /// no more than a term is in memory twice.
+    fn take_terms(&mut self, batch: SequenceBatch) {
+        let (counts, lanes) = (batch.sample_counts().to_vec(), self.grid.lanes());
+        let mut terms = batch.into_terms();
+        for (k, count) in counts.iter().enumerate().rev() {
+            for slot in self.slots.of(*count, counts[counts.len() - 1]) {
+                self.terms[slot * lanes..][..lanes].copy_from_slice(&terms[k * lanes..]);
+            }
+            memory::cut(&mut terms, k * lanes);
+        }
+        tiles::to_tiles(&mut self.terms, self.size);
     }
 
     /// The tiles of the picture, each with its part of the film.

@@ -5,7 +5,7 @@ use nst_core::{FOLDS, FeatureSums, LaneSums};
 
 use crate::{
     Error,
-    settings::{CHANNELS, RenderSettings},
+    settings::{CHANNELS, RenderSettings, Start},
     slots::Slots,
 };
 
@@ -23,22 +23,43 @@ fn bytes_per_pixel(settings: &RenderSettings) -> u128 {
     CHANNELS as u128 * (slots * size_of::<f32>() as u128 + sums as u128) + features as u128
 }
 
+/// Bytes of what a rendering is continued from, all of which become a part of it.
+pub(crate) fn of_start(Start { batch, sums }: &Start) -> usize {
+    let features = sums.features.as_ref().map_or(0, |pixels| size_of_val(&pixels[..]));
+    let lanes = size_of_val(&sums.lanes[..]) + size_of_val(sums.powers.sums());
+    batch.terms().len() * size_of::<f32>() + lanes + features
+}
+
 /// Fails if a rendering needs more memory than is free, before anything is allocated;
 /// [`render`](crate::render()) checks this, too.
 ///
 /// # Errors
 /// [`Error::Memory`], with what would fit.
 pub fn check_memory(size: [u32; 2], settings: &RenderSettings) -> Result<(), Error> {
-    let Some(available) = available() else { return Ok(()) };
-    let needed = needed(size, settings);
-    if needed <= u128::from(available) {
-        return Ok(());
-    }
-    let advice = advice(size, settings, available.into());
-    Err(Error::Memory { needed: gib(needed), available: gib(available.into()), advice })
+    check_further(size, settings, 0)
 }
 
-/// What would fit: a picture of the same shape, or fewer terms, or else both.
+/// The same where so many bytes of what the rendering needs are in memory already.
+pub(crate) fn check_further(
+    size: [u32; 2],
+    settings: &RenderSettings,
+    present: usize,
+) -> Result<(), Error> {
+    let Some(free) = free() else { return Ok(()) };
+    let available = u128::from(free) + present as u128;
+    let needed = needed(size, settings);
+    if needed <= available {
+        return Ok(());
+    }
+    let advice = match present {
+        0 => advice(size, settings, available),
+        _ => "a rendering that is continued keeps its size and its features".into(),
+    };
+    Err(Error::Memory { needed: gib(needed), available: gib(available), advice })
+}
+
+/// What would fit: a picture of the same shape, or fewer terms, or no features, or else a smaller
+/// picture of one term.
 fn advice(size: [u32; 2], settings: &RenderSettings, available: u128) -> String {
     let fitting = |settings: &RenderSettings| {
         let pixels = available / bytes_per_pixel(settings);
@@ -53,6 +74,10 @@ fn advice(size: [u32; 2], settings: &RenderSettings, available: u128) -> String 
     }
     if let Some(spare) = available.checked_sub(needed(size, &least)) {
         ways.push(format!("{} stored terms of each pixel", 1 + spare / needed_per_term(size)));
+    }
+    let plain = RenderSettings { features: false, ..*settings };
+    if settings.features && needed(size, &plain) <= available {
+        ways.push("the same without features (as with --experts lane)".into());
     }
     if ways.is_empty() {
         let [width, height] = fitting(&least);
@@ -74,12 +99,18 @@ pub(crate) fn zeros<T: Zeroable>(count: usize, needed: u128) -> Result<Vec<T>, E
     })
 }
 
+/// Gives the memory of all elements from a number on back.
+pub(crate) fn cut<T>(values: &mut Vec<T>, length: usize) {
+    values.truncate(length);
+    values.shrink_to_fit();
+}
+
 fn gib(bytes: u128) -> String {
     format!("{:.1} GiB", bytes as f64 / f64::from(1_u32 << 30))
 }
 
 /// Bytes of memory and of swap space that are free, where the system tells: Linux.
-fn available() -> Option<u64> {
+fn free() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let kibibytes = |key: &str| -> Option<u64> {
         let line = text.lines().find(|line| line.starts_with(key))?;
@@ -95,21 +126,58 @@ mod tests {
     use super::*;
     use crate::SamplerKind;
 
-    /// In 128 MiB; a lane takes 4 bytes for each term, and 96 for its sums.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn what_is_in_memory_is_not_asked_for_again() {
+        let settings = RenderSettings {
+            spp: 1 << 20,
+            sampler: SamplerKind::Random,
+            seed: 0,
+            keep: Keep::All,
+            features: true,
+            powers: FurtherPowers::NONE,
+        };
+        let size = [26_000, 26_000];
+        let present = usize::try_from(needed(size, &settings)).expect("64 bits");
+        assert!(check_further(size, &settings, present).is_ok());
+        let error = check_further(size, &settings, present / 2).expect_err("petabytes");
+        assert!(error.to_string().ends_with("keeps its size and its features"), "{error}");
+    }
+
+    /// In 128 MiB; a lane takes 4 bytes for each term, and 96 for its sums; features take 296 bytes
+    /// of a pixel.
     #[test]
     fn what_would_fit_is_neither_nothing_nor_too_much() {
-        for (size, spp, expected) in [
-            ([4000, 1000], 8, "1182x295 pixels would fit"),
-            ([16, 16], 2_000_000, "2x2 pixels, or 43666 stored terms of each pixel would fit"),
-            ([16, 16], 4_000_000_000, "43666 stored terms of each pixel would fit"),
-            ([16000, 16000], 4_000_000_000, "668x668 pixels with one stored term each would fit"),
+        for (size, spp, features, expected) in [
+            ([4000, 1000], 8, false, "1182x295 pixels would fit"),
+            (
+                [16, 16],
+                2_000_000,
+                false,
+                "2x2 pixels, or 43666 stored terms of each pixel would fit",
+            ),
+            ([16, 16], 4_000_000_000, false, "43666 stored terms of each pixel would fit"),
+            (
+                [16000, 16000],
+                4_000_000_000,
+                false,
+                "668x668 pixels with one stored term each would fit",
+            ),
+            (
+                [500, 500],
+                8,
+                true,
+                "444x444 pixels, or the same without features (as with --experts lane) would fit",
+            ),
+            // 384 bytes of each pixel without them.
+            ([592, 592], 8, true, "444x444 pixels would fit"),
         ] {
             let settings = RenderSettings {
                 spp,
                 sampler: SamplerKind::Random,
                 seed: 0,
                 keep: Keep::All,
-                features: false,
+                features,
                 powers: FurtherPowers::NONE,
             };
             assert_eq!(advice(size, &settings, 1 << 27), expected);

@@ -38,9 +38,10 @@ pub struct Control<'a> {
 const FIRST_PATHS: u64 = 1 << 18;
 const MOST_FIRST_SPP: u64 = 16;
 
-/// How long a pass should take. A rendering can only stop after one, and threads wait for
+/// How long a pass should take. A rendering can only stop after one, which users are told takes
+/// at most two seconds; but each takes the whole film through memory once, and threads wait for
 /// each other at its end.
-const PASS_TIME: Duration = Duration::from_millis(300);
+const PASS_TIME: Duration = Duration::from_millis(600);
 
 /// Renders a scene. The result depends on the scene and the settings alone, not
 /// on the number of threads. `progress` is called with the number of paths of
@@ -346,8 +347,8 @@ mod tests {
     #[test]
     fn passes_take_about_the_same_time() {
         let after = |step, milliseconds| next_step(step, Duration::from_millis(milliseconds));
-        assert_eq!([after(16, 300), after(16, 600), after(1, 600)], [16, 8, 1]);
-        assert_eq!([after(2, 300), after(2, 100), after(3, 100)], [2, 6, 8]);
+        assert_eq!([after(16, 600), after(16, 1200), after(1, 1200)], [16, 8, 1]);
+        assert_eq!([after(2, 600), after(2, 200), after(3, 200)], [2, 6, 8]);
         // Neither a moment nor an hour changes much at once.
         assert_eq!([after(16, 0), after(160, 3_600_000)], [64, 40]);
         assert_eq!(after(u32::MAX, 0), u32::MAX / BATCH * BATCH);

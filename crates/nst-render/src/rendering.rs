@@ -4,7 +4,7 @@ use std::{borrow::Cow, ops::Range, time::Duration};
 
 use nst_core::{FOLDS, SampleSums, SequenceBatch, Side, Strips};
 
-use crate::{film::Film, tiles::TILE};
+use crate::{develop::Buffers, film::Film, tiles::TILE};
 
 /// What [`render()`](crate::render()) returns: sequences of three planar channels of lanes, in
 /// a grid. In memory are the kept terms, and the sums from which it can be continued; side
@@ -69,13 +69,15 @@ impl Rendering {
     pub fn strips(&self) -> RenderingStrips<'_> {
         let height = self.film.size[1];
         let step = (STRIP_ROWS * rayon::current_num_threads() as u32).min(height);
-        RenderingStrips { film: &self.film, sides: self.sides(), step, next: 0, halo: 0 }
+        let sides = self.sides();
+        RenderingStrips { film: &self.film, sides, step, next: 0, halo: 0, given: None }
     }
 
     /// All at once.
     #[must_use]
     pub fn batch(&self) -> SequenceBatch {
-        self.film.rows(0..self.film.size[1]).batch([0; 2], &self.sides())
+        let rows = self.film.rows(0..self.film.size[1]);
+        rows.batch([0; 2], &self.sides(), &mut Buffers::default())
     }
 
     /// The last term of each lane, S_N.
@@ -105,6 +107,8 @@ pub struct RenderingStrips<'a> {
     next: u32,
     /// Rows above and below a strip that are given with it.
     halo: u32,
+    /// The strip that was given last.
+    given: Option<SequenceBatch>,
 }
 
 impl RenderingStrips<'_> {
@@ -136,6 +140,11 @@ impl RenderingStrips<'_> {
 
     /// The next strip; `None` after the last.
     pub fn next_rows(&mut self) -> Option<SequenceBatch> {
+        self.next_in(&mut Buffers::default())
+    }
+
+    /// The same in the memory of other strips.
+    fn next_in(&mut self, buffers: &mut Buffers) -> Option<SequenceBatch> {
         let height = self.film.size[1];
         let inner = self.next..height.min(self.next.saturating_add(self.step));
         if inner.is_empty() {
@@ -145,7 +154,7 @@ impl RenderingStrips<'_> {
         let first = inner.start.saturating_sub(self.halo);
         let end = height.min(inner.end.saturating_add(self.halo));
         let halo = [inner.start - first, end - inner.end];
-        Some(self.film.rows(first..end).batch(halo, &self.sides))
+        Some(self.film.rows(first..end).batch(halo, &self.sides, buffers))
     }
 }
 
@@ -156,7 +165,9 @@ impl Strips for RenderingStrips<'_> {
     }
 
     fn next_strip(&mut self) -> Result<Option<Cow<'_, SequenceBatch>>, nst_core::Error> {
-        Ok(self.next_rows().map(Cow::Owned))
+        let mut buffers = Buffers::of(self.given.take());
+        self.given = self.next_in(&mut buffers);
+        Ok(self.given.as_ref().map(Cow::Borrowed))
     }
 }
 
@@ -216,7 +227,7 @@ mod tests {
                 let mut strips = rendering.strips().with_rows(rows);
                 strips.rewind(halo).expect("a halo of any size");
                 let mut next = 0;
-                while let Some(strip) = strips.next_rows() {
+                while let Some(strip) = strips.next_strip().expect("nothing fails") {
                     let grid = *strip.grid().expect("a picture");
                     let first = grid.first_row() as usize;
                     let all = first..first + grid.rows();

@@ -168,6 +168,24 @@ impl SequenceBatch {
         &values[k * self.lanes()..(k + 1) * self.lanes()]
     }
 
+    /// The stored terms, `[term][lane]`, to keep.
+    #[must_use]
+    pub fn into_terms(self) -> Vec<f32> {
+        let count = self.terms.len();
+        let (mut terms, offset) = self.terms.into_raw_vec_and_offset();
+        // Of an array that was cut out of another, there is more.
+        terms.drain(..offset.unwrap_or_default());
+        terms.truncate(count);
+        terms
+    }
+
+    /// The memory of its numbers, for those of another batch.
+    #[must_use]
+    pub fn into_buffers(self) -> Vec<Vec<f32>> {
+        let (terms, _) = self.terms.into_raw_vec_and_offset();
+        std::iter::once(terms).chain(self.sides.into_values()).collect()
+    }
+
     /// The best plain estimate of each lane: S_N, the last term.
     #[must_use]
     pub fn last(&self) -> &[f32] {
@@ -286,6 +304,15 @@ mod tests {
         assert_eq!(batch.last(), [2.0, 2.0]);
         assert_eq!(batch.window(2).map(|w| w.nrows()), Some(2));
         assert!(batch.window(4).is_none());
+        Ok(())
+    }
+
+    #[test]
+    fn terms_of_a_part_of_an_array() -> Result<(), Error> {
+        let whole = array![[1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [7.0, 8.0]];
+        let batch = SequenceBatch::new(whole.slice_move(s![1..3, ..]), vec![1, 2])?;
+        assert_eq!(batch.last(), [5.0, 6.0]);
+        assert_eq!(batch.into_terms(), [3.0, 4.0, 5.0, 6.0]);
         Ok(())
     }
 

@@ -13,7 +13,7 @@ mod strips;
 mod sums;
 
 pub use batch::{LANES_PER_BLOCK, SequenceBatch};
-pub use features::FeatureSums;
+pub use features::{FeatureSum, FeatureSums};
 pub use further_powers::FurtherPowers;
 pub use grid::Grid;
 pub use keep::Keep;
@@ -23,8 +23,8 @@ pub use sample_sums::SampleSums;
 pub use side::{Extent, FOLDS, Merging, Side, fold_count};
 pub(crate) use strips::sum_in_order;
 pub use strips::{Strips, Whole};
-pub use sums::LaneSums;
 pub(crate) use sums::mean_of_folds;
+pub use sums::{LaneSums, write_fold_means};
 
 #[cfg(test)]
 pub(crate) use strips::tests;

@@ -82,28 +82,28 @@ impl LaneSums {
     /// # Panics
     /// If `outs` are not as many as the side channels.
     pub fn write_folds(lanes: &[Self], n: u32, outs: &mut [&mut [f32]]) {
-        let counts = std::array::from_fn(|fold| fold_count(fold, n));
         let ([folds, roots, squares], []) = outs.as_chunks_mut() else {
             panic!("{} side channels of folds", outs.len());
         };
-        write_means(lanes, |lane| &lane.folds, &counts, folds);
-        write_means(lanes, |lane| &lane.roots, &counts, roots);
-        write_means(lanes, |lane| &lane.squares, &counts, squares);
+        write_fold_means(lanes, |lane| &lane.folds, n, folds);
+        write_fold_means(lanes, |lane| &lane.roots, n, roots);
+        write_fold_means(lanes, |lane| &lane.squares, n, squares);
     }
 }
 
-/// Writes the means of the four folds of one kind. Divisions of neighbours in memory become vector
-/// instructions.
+/// Writes the means of four folds of n samples at once, `[fold][item]`. Divisions of neighbours in
+/// memory become vector instructions.
 #[inline(always)]
-fn write_means(
-    lanes: &[LaneSums],
-    sums: impl Fn(&LaneSums) -> &[f64; FOLDS],
-    counts: &[f64; FOLDS],
+pub fn write_fold_means<T>(
+    items: &[T],
+    sums: impl Fn(&T) -> &[f64; FOLDS],
+    n: u32,
     [a, b, c, d]: &mut [&mut [f32]; FOLDS],
 ) {
+    let counts: [f64; FOLDS] = std::array::from_fn(|fold| fold_count(fold, n));
     let outs = a.iter_mut().zip(b.iter_mut()).zip(c.iter_mut().zip(d.iter_mut()));
-    for (lane, ((a, b), (c, d))) in lanes.iter().zip(outs) {
-        let sums = sums(lane);
+    for (item, ((a, b), (c, d))) in items.iter().zip(outs) {
+        let sums = sums(item);
         let means: [f64; FOLDS] = std::array::from_fn(|fold| sums[fold] / counts[fold]);
         [*a, *b, *c, *d] = means.map(|mean| mean as f32);
     }
