@@ -1,18 +1,31 @@
 //! Single-part scanline EXR files, read and written some rows at a time, so that a picture
 //! with hundreds of channels need not fit into memory.
 //!
-//! The exr crate parses headers and decompresses blocks. This module compresses them, reads
-//! where they are in a file, and compares every size with the file's length before it
-//! allocates memory.
+//! The exr crate parses headers. This module compresses blocks and decompresses those with ZIP
+//! compression, reads where they are in a file, and compares every size with the file's length
+//! before it allocates memory.
 
 mod parts;
 mod reader;
+mod unzip;
 mod writer;
 mod zip;
 
 pub(crate) use parts::{Attribute, Attributes, Channel, text};
-pub(crate) use reader::{RowReader, Rows};
+pub(crate) use reader::RowReader;
 pub(crate) use writer::RowWriter;
+
+/// The rows of images that are `width` samples wide, as [`RowReader::read`] wants them: for each
+/// row, that of each image.
+pub(crate) fn slices_of_rows(
+    images: Vec<&mut [u32]>,
+    width: usize,
+) -> impl Iterator<Item = Vec<&mut [u32]>> {
+    let mut images: Vec<_> =
+        images.into_iter().map(|image| image.chunks_exact_mut(width)).collect();
+    let rows = images.first().map_or(0, ExactSizeIterator::len);
+    (0..rows).map(move |_| images.iter_mut().filter_map(Iterator::next).collect())
+}
 
 #[cfg(test)]
 mod tests {
@@ -51,7 +64,7 @@ mod tests {
             let planes: Vec<Vec<f32>> = (0..3).map(plane).collect();
             for (written, read) in [(16, 32), (1 << 20, 16), (32, 1 << 20), (16, 5)] {
                 write(&path, size, &planes, written).expect("it can be written");
-                let mut reader = RowReader::open(&path).expect("it can be read");
+                let reader = RowReader::open(&path).expect("it can be read");
                 assert_eq!(reader.size(), size);
                 assert_eq!(reader.attribute("x"), Some(Attribute::Text("µ, β".into())));
                 let names: Vec<String> = reader.channels().map(|(name, _)| name).collect();
@@ -59,12 +72,12 @@ mod tests {
                 let mut found = vec![Vec::new(); 3];
                 for first in (0..size[1]).step_by(read) {
                     let rows = first..size[1].min(first + read as u32);
-                    let rows = reader.read(rows).expect("rows");
-                    for (channel, plane) in [(1, 0), (0, 1), (2, 2)] {
-                        let mut values = vec![0.0_f32; rows.pixels()];
-                        rows.copy(channel, bytemuck::cast_slice_mut(&mut values));
-                        found[plane].extend(values);
-                    }
+                    let mut part = vec![vec![0.0_f32; size[0] as usize * rows.len()]; 3];
+                    let images =
+                        part.iter_mut().map(|image| bytemuck::cast_slice_mut(image)).collect();
+                    let out = slices_of_rows(images, size[0] as usize);
+                    reader.read(rows, &[1, 0, 2], out).expect("rows");
+                    found.iter_mut().zip(part).for_each(|(all, part)| all.extend(part));
                 }
                 assert_eq!(found, planes);
             }

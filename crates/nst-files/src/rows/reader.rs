@@ -5,6 +5,7 @@ use std::{
     io::{BufReader, Read, Seek, SeekFrom},
     ops::Range,
     path::{Path, PathBuf},
+    sync::{Mutex, PoisonError},
 };
 
 use exr::{
@@ -21,13 +22,16 @@ use exr::{
 };
 use rayon::prelude::*;
 
-use super::parts::{Attribute, Channel, SAMPLE, text};
+use super::{
+    parts::{Attribute, Channel, SAMPLE, text},
+    unzip,
+};
 use crate::{Error, limits::MOST_DEFLATED, window::check_not_empty};
 
 /// Reads a file row by row.
 pub(crate) struct RowReader {
     path: PathBuf,
-    file: BufReader<File>,
+    file: Mutex<BufReader<File>>,
     /// The length of the file.
     length: u64,
     meta: MetaData,
@@ -57,7 +61,7 @@ impl RowReader {
         file.read_exact(&mut bytes).map_err(read)?;
         let (offsets, _) = bytes.as_chunks();
         let offsets = offsets.iter().map(|&bytes| u64::from_le_bytes(bytes)).collect();
-        Ok(Self { path: path.to_owned(), file, length, meta, offsets })
+        Ok(Self { path: path.to_owned(), file: Mutex::new(file), length, meta, offsets })
     }
 
     fn header(&self) -> &Header {
@@ -90,60 +94,126 @@ impl RowReader {
         self.header().layer_size.width() * self.header().channels.bytes_per_pixel
     }
 
-    /// Reads some rows of the picture, at least one.
-    pub(crate) fn read(&mut self, rows: Range<u32>) -> Result<Rows, Error> {
-        debug_assert!(rows.start < rows.end && rows.end <= self.size()[1]);
-        let lines = self.header().compression.scan_lines_per_block() as u32;
-        let blocks = rows.start / lines..rows.end.div_ceil(lines);
-        let skipped = (rows.start % lines) as usize;
-        let chunks = blocks.map(|block| self.chunk(block, lines)).collect::<Result<Vec<_>, _>>()?;
-        let blocks = chunks
-            .into_par_iter()
-            .map(|chunk| {
-                UncompressedBlock::decompress_chunk(chunk, &self.meta, true).map(|block| block.data)
-            })
-            .collect::<Result<Vec<_>, _>>()
-            .map_err(|error| Error::exr("read", &self.path, error))?;
-        let row = self.header().layer_size.width() * SAMPLE;
-        let channels = self.header().channels.list.len();
-        Ok(Rows { blocks, skipped, rows: rows.len(), row, channels })
+    /// Rows that the file has compressed together, from a multiple of as many: those of a block.
+    pub(crate) fn block_rows(&self) -> u32 {
+        self.header().compression.scan_lines_per_block() as u32
     }
 
-    /// Reads a block, still compressed.
-    fn chunk(&mut self, block: u32, lines: u32) -> Result<Chunk, Error> {
-        let path = self.path.clone();
-        let damaged = |why: &str| {
-            Error::malformed(
-                &path,
-                format!("rows from {}: {why}; the file is cut off or damaged", block * lines),
-            )
-        };
-        let rows = lines.min(self.size()[1] - block * lines);
-        let wanted = u64::from(rows) * self.row_bytes() as u64;
-        let y = i64::from(self.header().own_attributes.layer_position.y())
-            + i64::from(block) * i64::from(lines);
+    /// Reads some rows of the picture. For each of them, `out` says where its samples of each of
+    /// `channels` go, which are different places in the list of [`RowReader::channels`]. An f32 is
+    /// there as its bits.
+    pub(crate) fn read<'a>(
+        &self,
+        rows: Range<u32>,
+        channels: &[usize],
+        mut out: impl Iterator<Item = Vec<&'a mut [u32]>>,
+    ) -> Result<(), Error> {
+        debug_assert!(rows.end <= self.size()[1]);
+        let lines = self.block_rows();
+        let in_all = self.header().channels.list.len();
+        // Lists of rows take memory, too, and much of it where rows are short.
+        let at_once = (ROWS_AT_ONCE / (lines as usize * in_all)).clamp(1, BLOCKS_AT_ONCE);
+        let blocks: Vec<u32> = (rows.start / lines..rows.end.div_ceil(lines)).collect();
+        for blocks in blocks.chunks(at_once) {
+            let wanted = blocks.iter().map(|&block| {
+                let lines = self.rows_of(block).map(|row| {
+                    let mut line: Vec<Option<&mut [u32]>> = Vec::new();
+                    line.resize_with(in_all, || None);
+                    if rows.contains(&row) {
+                        let places = channels.iter().zip(out.next().into_iter().flatten());
+                        places.for_each(|(&channel, place)| line[channel] = Some(place));
+                    }
+                    line
+                });
+                (block, lines.flatten().collect())
+            });
+            let wanted: Vec<(u32, Vec<_>)> = wanted.collect();
+            let done: Vec<Result<(), Error>> = wanted
+                .into_par_iter()
+                .map(|(block, mut lines)| self.read_block(block, &mut lines))
+                .collect();
+            // The first error in the file, however the threads are scheduled.
+            done.into_iter().collect::<Result<(), Error>>()?;
+        }
+        Ok(())
+    }
+
+    /// The rows of a block.
+    fn rows_of(&self, block: u32) -> Range<u32> {
+        let first = block * self.block_rows();
+        first..self.size()[1].min(first.saturating_add(self.block_rows()))
+    }
+
+    /// Reads a block; `out` is `[row][channel]`.
+    fn read_block(&self, block: u32, out: &mut [Option<&mut [u32]>]) -> Result<(), Error> {
+        use Compression::{ZIP1, ZIP16};
+        let bytes = self.chunk(block)?;
+        let width = self.header().layer_size.width();
+        if bytes.len() < out.len() * width * SAMPLE
+            && matches!(self.header().compression, ZIP1 | ZIP16)
+        {
+            return unzip::decompress(&bytes, width, out).map_err(|why| self.damaged(block, why));
+        }
+        let y_coordinate = self.y_coordinate(block) as i32;
+        let chunk = CompressedScanLineBlock { y_coordinate, compressed_pixels_le: bytes };
+        let chunk = Chunk { layer_index: 0, compressed_block: CompressedBlock::ScanLine(chunk) };
+        let block = UncompressedBlock::decompress_chunk(chunk, &self.meta, true)
+            .map_err(|error| Error::exr("read", &self.path, error))?;
+        for (out, row) in out.iter_mut().zip(block.data.chunks_exact(width * SAMPLE)) {
+            let Some(out) = out else { continue };
+            let samples = row.as_chunks().0.iter().map(|&sample| u32::from_ne_bytes(sample));
+            out.iter_mut().zip(samples).for_each(|(out, sample)| *out = sample);
+        }
+        Ok(())
+    }
+
+    /// The number of a block's first row in the file, which may not begin with 0.
+    fn y_coordinate(&self, block: u32) -> i64 {
+        let first = i64::from(self.header().own_attributes.layer_position.y());
+        first + i64::from(self.rows_of(block).start)
+    }
+
+    /// Says what is wrong with a block.
+    fn damaged(&self, block: u32, why: &str) -> Error {
+        let row = self.rows_of(block).start;
+        Error::malformed(
+            &self.path,
+            format!("rows from {row}: {why}; the file is cut off or damaged"),
+        )
+    }
+
+    /// The bytes of a block, still compressed.
+    fn chunk(&self, block: u32) -> Result<Vec<u8>, Error> {
+        let read = |error| Error::io("read", &self.path, error);
+        let wanted = self.rows_of(block).len() as u64 * self.row_bytes() as u64;
         let offset = self.offsets[block as usize];
         let mut head = [0; 8];
         let end = offset.checked_add(8).filter(|&end| end <= self.length);
-        let end = end.ok_or_else(|| damaged("they are missing"))?;
-        self.file
-            .seek(SeekFrom::Start(offset))
-            .and_then(|_| self.file.read_exact(&mut head))
-            .map_err(|error| Error::io("read", &path, error))?;
+        let end = end.ok_or_else(|| self.damaged(block, "they are missing"))?;
+        // Others wait meanwhile, but no longer than until these bytes are in memory.
+        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        file.seek(SeekFrom::Start(offset))
+            .and_then(|_| file.read_exact(&mut head))
+            .map_err(read)?;
         let [a, b, c, d, size @ ..] = head;
         let size = u64::from(u32::from_le_bytes(size));
-        if i64::from(i32::from_le_bytes([a, b, c, d])) != y {
-            return Err(damaged("another block is in their place"));
+        if i64::from(i32::from_le_bytes([a, b, c, d])) != self.y_coordinate(block) {
+            return Err(self.damaged(block, "another block is in their place"));
         }
         if size > self.length - end || size > wanted || wanted / MOST_DEFLATED > size {
-            return Err(damaged("their size is wrong"));
+            return Err(self.damaged(block, "their size is wrong"));
         }
         let mut bytes = vec![0; size as usize];
-        self.file.read_exact(&mut bytes).map_err(|error| Error::io("read", &path, error))?;
-        let block = CompressedScanLineBlock { y_coordinate: y as i32, compressed_pixels_le: bytes };
-        Ok(Chunk { layer_index: 0, compressed_block: CompressedBlock::ScanLine(block) })
+        file.read_exact(&mut bytes).map_err(read)?;
+        Ok(bytes)
     }
 }
+
+/// Blocks that are given to the threads together.
+const BLOCKS_AT_ONCE: usize = 64;
+
+/// Rows of a channel that are given to the threads together, if these are several blocks.
+const ROWS_AT_ONCE: usize = 1 << 18;
 
 /// Fails if this reader does not support the file, or if its `length` in bytes is too short
 /// for its pixels.
@@ -176,33 +246,4 @@ fn check(header: &Header, length: u64) -> Result<(), String> {
         ));
     }
     Ok(())
-}
-
-/// Rows that were read.
-pub(crate) struct Rows {
-    /// Bytes `[row][channel][x]` of each block.
-    blocks: Vec<Vec<u8>>,
-    /// Rows of the first block that come before those that were asked for.
-    skipped: usize,
-    rows: usize,
-    /// Bytes of a row of one channel.
-    row: usize,
-    channels: usize,
-}
-
-impl Rows {
-    /// The number of pixels of these rows.
-    pub(crate) fn pixels(&self) -> usize {
-        self.rows * self.row / SAMPLE
-    }
-
-    /// Copies a channel's bytes, row after row, in the byte order of the machine.
-    pub(crate) fn copy(&self, channel: usize, out: &mut [u8]) {
-        let rows =
-            self.blocks.iter().flat_map(|block| block.chunks_exact(self.row * self.channels));
-        let rows = rows.skip(self.skipped).take(self.rows);
-        for (out, row) in out.chunks_exact_mut(self.row).zip(rows) {
-            out.copy_from_slice(&row[channel * self.row..][..self.row]);
-        }
-    }
 }

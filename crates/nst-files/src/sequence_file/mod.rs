@@ -7,6 +7,7 @@
 mod channels;
 mod feature_state;
 mod info;
+mod planes;
 mod power_state;
 mod reader;
 mod state;

@@ -10,13 +10,14 @@ use super::{
     channels::Channels,
     feature_state,
     info::{ResumeInfo, SequenceInfo, VERSION},
+    planes::{KeptRows, Planes},
     power_state,
     state::{self, KnownLanes},
 };
 use crate::{
     ColorModel, Error,
     limits::{BLOCK_ROWS, strip_rows},
-    rows::{Attribute, RowReader, Rows},
+    rows::{Attribute, RowReader, slices_of_rows},
 };
 
 /// A strip, and its sums if the file contains them.
@@ -39,6 +40,8 @@ pub struct SequenceReader {
     next: u32,
     /// Rows above and below a strip that are read with it.
     halo: u32,
+    /// Rows of the next strip and its halo that are already there.
+    kept: KeptRows,
 }
 
 impl SequenceReader {
@@ -99,7 +102,8 @@ impl SequenceReader {
         check_resumable(&info).map_err(|why| Error::malformed(path, why))?;
         info.grid().map_err(|error| Error::malformed(path, error.to_string()))?;
         let step = strip_rows(rows.row_bytes());
-        Ok(Self { rows, info, terms, sides, state, step, next: 0, halo: 0 })
+        let kept = KeptRows::default();
+        Ok(Self { rows, info, terms, sides, state, step, next: 0, halo: 0, kept })
     }
 
     /// What the file says about itself.
@@ -124,27 +128,30 @@ impl SequenceReader {
 
     /// Continues with the strip that begins at a row.
     pub(crate) fn skip_to(&mut self, row: u32) {
-        self.next = row.min(self.info.size[1]);
+        (self.next, self.kept) = (row.min(self.info.size[1]), KeptRows::default());
     }
 
     /// The next strip; `None` after the last.
     pub(super) fn next_with_sums(&mut self) -> Result<Option<StripWithSums>, Error> {
         let Some((outer, grid)) = self.next_range()? else { return Ok(None) };
-        let rows = self.rows.read(outer)?;
         let mut planes = self.planes(grid);
-        planes.copy(&rows, 0);
+        let mut words = vec![0; self.state.len() * grid.pixels()];
+        let mut images = planes.images(outer.start);
+        images.extend(words.chunks_exact_mut(grid.pixels()));
+        let channels = [&self.channels()[..], &self.state].concat();
+        self.rows.read(outer, &channels, slices_of_rows(images, grid.width()))?;
         let batch = self.batch(planes)?;
         if self.state.is_empty() {
             return Ok(Some((batch, None)));
         }
         let (channels, powers) = (self.info.model.channels().len(), self.info.further_powers());
-        let (lanes, others) = self.state.split_at(2 * state::SUMS * channels);
-        let of_powers = 2 * FOLDS * powers.count() * channels;
+        let of_lanes = 2 * state::SUMS * channels * grid.pixels();
+        let of_powers = 2 * FOLDS * powers.count() * channels * grid.pixels();
+        let (lanes, others) = words.split_at(of_lanes);
         let (features, of_powers) = others.split_at(others.len() - of_powers);
-        let lanes = sums(&words(&rows, lanes), &batch);
-        let features =
-            (!features.is_empty()).then(|| feature_state::joined(&batch, &words(&rows, features)));
-        let powers = power_state::joined(&batch, powers, &words(&rows, of_powers))?;
+        let lanes = sums(lanes, &batch);
+        let features = (!features.is_empty()).then(|| feature_state::joined(&batch, features));
+        let powers = power_state::joined(&batch, powers, of_powers)?;
         Ok(Some((batch, Some(SampleSums { lanes, features, powers }))))
     }
 
@@ -166,14 +173,40 @@ impl SequenceReader {
 
     /// What is read of a strip, to be filled.
     fn planes(&self, grid: Grid) -> Planes {
-        let layers = [&self.terms].into_iter().chain(&self.sides).cloned();
-        let empty = |channels: Vec<usize>| (vec![0.0; channels.len() * grid.pixels()], channels);
-        Planes { layers: layers.map(empty).collect(), grid }
+        let layers = [&self.terms].into_iter().chain(&self.sides);
+        Planes::new(layers.map(Vec::len), grid)
+    }
+
+    /// The channels of these in the file.
+    fn channels(&self) -> Vec<usize> {
+        [&self.terms].into_iter().chain(&self.sides).flatten().copied().collect()
+    }
+
+    /// Reads a strip, of rows of the picture, but for those that the last one has left. Of the last
+    /// block, it keeps what is only in the next strip.
+    fn fill(&mut self, planes: &mut Planes, outer: &Range<u32>) -> Result<(), Error> {
+        let (width, height) = (planes.grid.width(), self.info.size[1]);
+        let mut kept = std::mem::take(&mut self.kept);
+        let mut start = outer.start;
+        if kept.rows.start == start {
+            kept.put(planes);
+            start = kept.rows.end;
+        }
+        let end = height.min(outer.end.next_multiple_of(self.rows.block_rows()));
+        let next = if self.next == height { end } else { self.next.saturating_sub(self.halo) };
+        let channels = self.channels();
+        let mut kept = KeptRows::new(next..end, channels.len(), width);
+        let out = slices_of_rows(planes.images(start), width);
+        let out = out.chain(slices_of_rows(kept.images(outer.end, width), width));
+        self.rows.read(start..end, &channels, out)?;
+        kept.take(planes);
+        self.kept = kept;
+        Ok(())
     }
 
     fn batch(&self, planes: Planes) -> Result<SequenceBatch, Error> {
         let Planes { layers, grid } = planes;
-        let mut layers = layers.into_iter().map(|(values, _)| values);
+        let mut layers = layers.into_iter();
         let shape = (self.info.sample_counts.len(), grid.lanes());
         let terms = Array2::from_shape_vec(shape, layers.next().unwrap_or_default())
             .map_err(|error| Error::Mismatch(error.to_string()))?;
@@ -184,40 +217,6 @@ impl SequenceReader {
         }
         Ok(batch)
     }
-}
-
-/// Blocks that are decompressed together, for each thread.
-const BLOCKS_AT_ONCE: u32 = 4;
-
-/// Values of a strip.
-struct Planes {
-    /// Of the terms, then of each side channel, `[channel][pixel]`, and the channels of the file.
-    layers: Vec<(Vec<f32>, Vec<usize>)>,
-    grid: Grid,
-}
-
-impl Planes {
-    /// Takes rows that were read, of which the first is this one of the strip.
-    fn copy(&mut self, rows: &Rows, first: usize) {
-        let start = first * self.grid.width();
-        for (values, channels) in &mut self.layers {
-            let images = values.par_chunks_exact_mut(self.grid.pixels());
-            images.zip(channels).for_each(|(image, &mut channel)| {
-                let image = &mut image[start..][..rows.pixels()];
-                rows.copy(channel, bytemuck::cast_slice_mut(image));
-            });
-        }
-    }
-}
-
-/// The words of some channels, `[channel][pixel]`.
-fn words(rows: &Rows, channels: &[usize]) -> Vec<u32> {
-    let mut words = vec![0_u32; channels.len() * rows.pixels()];
-    words
-        .par_chunks_exact_mut(rows.pixels())
-        .zip(channels)
-        .for_each(|(image, &channel)| rows.copy(channel, bytemuck::cast_slice_mut(image)));
-    words
 }
 
 /// The sums of the lanes, from words `[sum][word][lane]`.
@@ -233,23 +232,14 @@ fn sums(words: &[u32], batch: &SequenceBatch) -> Vec<LaneSums> {
 
 impl Strips for SequenceReader {
     fn rewind(&mut self, halo: u32) -> Result<(), nst_core::Error> {
-        (self.next, self.halo) = (0, halo);
+        (self.next, self.halo, self.kept) = (0, halo, KeptRows::default());
         Ok(())
     }
 
     fn next_strip(&mut self) -> Result<Option<Cow<'_, SequenceBatch>>, nst_core::Error> {
         let Some((outer, grid)) = self.next_range()? else { return Ok(None) };
         let mut planes = self.planes(grid);
-        // Where strips are tall, all that the file says of one would take far more memory.
-        let blocks = BLOCKS_AT_ONCE * rayon::current_num_threads() as u32;
-        let at_once = strip_rows(self.rows.row_bytes()).min(BLOCK_ROWS * blocks);
-        let mut start = outer.start;
-        while start < outer.end {
-            let end = outer.end.min((start / at_once + 1) * at_once);
-            let rows = self.rows.read(start..end)?;
-            planes.copy(&rows, (start - outer.start) as usize);
-            start = end;
-        }
+        self.fill(&mut planes, &outer)?;
         Ok(Some(Cow::Owned(self.batch(planes)?)))
     }
 }
