@@ -46,7 +46,7 @@ def load(folder: Path, settings: Settings) -> list[Item]:
 
 def items_of(picture: Stored, settings: Settings) -> list[Item]:
     """One for each list of experts; none, if the reference has too much noise."""
-    if not can_tell(picture, settings):
+    if not can_tell(picture, settings.most_noise):
         return []
     unit = best(picture, settings)
     items = []
@@ -69,9 +69,9 @@ def items_of(picture: Stored, settings: Settings) -> list[Item]:
     return items
 
 
-def can_tell(picture: Stored, settings: Settings) -> bool:
-    """Whether the references are good enough to say whether T has less error than S."""
-    return bool((picture.plain > 0).all() and (picture.noise <= settings.most_noise * picture.plain).all())
+def can_tell(picture: Stored, most_noise: float) -> bool:
+    """Whether the references have no more noise than this share of S's errors."""
+    return bool((picture.plain > 0).all() and (picture.noise <= most_noise * picture.plain).all())
 
 
 def best(picture: Stored, settings: Settings) -> np.ndarray:
