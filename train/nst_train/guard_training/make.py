@@ -45,11 +45,8 @@ def make_one(picture: Picture, path: Path) -> None:
 
 def look(picture: Picture, experts: str) -> Table:
     with tempfile.TemporaryDirectory() as temporary:
-        told = Path(temporary) / "guard.table"
-        run(
-            *("transform", picture.sequence, "--transform", "auto", "--experts", experts),
-            *("--guard-table", told, "-o", Path(temporary) / "picture.exr"),
-        )
+        told = Path(temporary) / "guard.safetensors"
+        run("guard-table", picture.sequence, "--experts", experts, "-o", told)
         found = table.read(told)
     if set(found.experts) != set(experts.split(",")):
         raise UserError(f"asked for {experts}, nst tells of {','.join(found.experts)}")
