@@ -313,7 +313,7 @@ def write_table(path: Path, made: Table, **metadata: str) -> None:
 
 
 def test_a_table_of_nst_is_read_and_a_damaged_one_is_named(tmp_path: Path) -> None:
-    path = tmp_path / "x.table"
+    path = tmp_path / "x.safetensors"
     made, _ = random_table("lane,oidn", np.random.default_rng(6))
     write_table(path, made)
     found = table.read(path)
@@ -381,7 +381,8 @@ told = dict(zip(words, words[1:]))
 scene = words[1].split("/")[-2]
 if scene == "room-001":
     sys.exit("error: no folds")
-shutil.copy(f"{TABLES}/{told['--experts']}", told["--guard-table"])
+assert words[0] == "guard-table" and told["-o"].endswith(".safetensors")
+shutil.copy(f"{TABLES}/{told['--experts']}", told["-o"])
 open(f"{TABLES}/asked", "a").write(f"{scene} {told['--experts']}\\n")
 """
 
@@ -415,7 +416,7 @@ def test_tables_are_made_once_and_a_failure_does_not_end_the_rest(
     words = ["guard-tables", "--folder", str(pictures)]
     assert main(words) == 1
     told = capsys.readouterr()
-    assert "room-001/8-0.exr: nst transform" in told.out and "no folds" in told.out
+    assert "room-001/8-0.exr: nst guard-table" in told.out and "no folds" in told.out
     assert "1 pictures failed" in told.err
     asked = (tables / "asked").read_text()
     assert sorted(asked.splitlines()) == sorted(f"{s} {e}" for s in ("room-000", "maze-000") for e in LISTS)

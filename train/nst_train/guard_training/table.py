@@ -1,4 +1,4 @@
-"""What `nst transform --guard-table FILE` says of a picture: what the network reads, and what is weighed."""
+"""What `nst guard-table` says of a picture: what the network reads, and what is weighed."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,7 +45,7 @@ class Table:
 def read(path: Path) -> Table:
     """Reads and checks a file."""
     if not path.is_file():
-        raise UserError(f"{path}: no such file; is this nst too old for --guard-table?")
+        raise UserError(f"{path}: no such file")
     try:
         with safetensors.safe_open(path, framework="np") as file:
             told = file.metadata() or {}
