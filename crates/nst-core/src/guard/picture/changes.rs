@@ -8,24 +8,27 @@ use crate::Grid;
 pub(super) const REACH: u32 = 1;
 
 /// How many times more light than samples have seen an expert may see in a lane.
-const MOST_TIMES: f32 = 100.0;
+const MOST_TIMES: f32 = 1000.0;
 
 /// Turns estimates of the lanes of the inner rows of a strip into changes of `plain`, the plain
 /// estimates of all its rows; 0 where they are not finite.
 ///
 /// Next to what is very bright, an expert may take light from beyond an edge. In a few pixels that
-/// may go unnoticed, as their sums say nothing of others. So nobody is believed who says a hundred
-/// times what the samples say; where these are black, what those of the pixels around say.
-pub(super) fn believed_changes(grid: &Grid, plain: &[f32], estimates: &mut [f32]) {
+/// may go unnoticed, as their sums say nothing of others. So nobody is believed who says a thousand
+/// times what the samples say; where these are black, what those of the pixels around say. Of the
+/// emission that the camera sees directly, nothing is believed where all samples are black: most of
+/// these pixels see no lamp, and light in them would be seen.
+pub(super) fn believed_changes(grid: &Grid, emitted: bool, plain: &[f32], estimates: &mut [f32]) {
     let (width, inner) = (grid.width(), grid.inner_rows());
     let planes = estimates.par_chunks_exact_mut(inner.len() * width);
     planes.zip(plain.par_chunks_exact(grid.pixels())).for_each(|(estimates, plain)| {
         let rows = estimates.par_chunks_exact_mut(width).zip(inner.clone());
         rows.for_each(|(estimates, row)| {
             for (x, estimate) in estimates.iter_mut().enumerate() {
-                let change = *estimate - plain[row * width + x];
-                let too_bright =
-                    change > 0.0 && *estimate > MOST_TIMES * light_near(plain, width, [x, row]);
+                let own = plain[row * width + x];
+                let near = || if emitted { own } else { light_near(plain, width, [x, row]) };
+                let change = *estimate - own;
+                let too_bright = change > 0.0 && *estimate > MOST_TIMES * near();
                 *estimate = if change.is_finite() && !too_bright { change } else { 0.0 };
             }
         });
@@ -61,11 +64,12 @@ mod tests {
         let dark = [[1.0, 0.0, 2.0, 0.0], [0.5, 1.0, 0.0, 0.0], [0.0; 4], [0.0; 4]];
         let plain: Vec<f32> = bright.into_iter().chain(dark.into_iter().flatten()).collect();
         let grid = Grid::new(4, 5, 1, 0).expect("a grid");
-        let changes = |value: f32| {
+        let changes_of = |emitted: bool, value: f32| {
             let mut estimates = vec![value; plain.len()];
-            believed_changes(&grid, &plain, &mut estimates);
+            believed_changes(&grid, emitted, &plain, &mut estimates);
             estimates
         };
+        let changes = |value: f32| changes_of(false, value);
         // Ten times what is around is believed, and so is anything where nothing is known.
         assert_eq!(changes(20.0)[4..], plain[4..].iter().map(|s| 20.0 - s).collect::<Vec<_>>());
         let of_leak = changes(3000.0);
@@ -76,5 +80,8 @@ mod tests {
         assert_eq!(of_leak[16..], [3000.0; 4]);
         assert_eq!(changes(f32::NAN), [0.0; 20]);
         assert_eq!(changes(-1.0)[5], -1.0);
+        // Emission is believed in all pixels that have some, and in no others.
+        let of_emission = plain.iter().map(|s| if *s > 0.0 { 20.0 - s } else { 0.0 });
+        assert_eq!(changes_of(true, 20.0), of_emission.collect::<Vec<_>>());
     }
 }

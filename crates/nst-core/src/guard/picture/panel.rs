@@ -88,7 +88,7 @@ impl Panel<'_> {
             }
             let mut estimates = vec![0.0; mean.len()];
             it.estimate(&seen, &mut estimates).map_err(|error| Failure { expert, error })?;
-            believed_changes(grid, &layers.parts[number].mean, &mut estimates);
+            believed_changes(grid, number == EMITTED, &layers.parts[number].mean, &mut estimates);
             changes.push(estimates);
         }
         let places = self.places(&mean, changes.last(), grid.channels());
