@@ -1,6 +1,7 @@
 """`python -m nst_train CONFIG … --out FOLDER`: trains, scores and exports networks.
 
-`python -m nst_train guard-data --folder DIR` makes the pictures for one that weighs the guard's experts.
+`python -m nst_train guard-data --folder DIR` makes the pictures for one that weighs the guard's experts,
+`guard-tables --folder DIR` what is learnt from them, and `guard --folder DIR …` trains it.
 """
 
 import argparse
@@ -13,13 +14,18 @@ from nst_train import config as configs
 from nst_train import runs
 from nst_train.errors import UserError, exit_code
 from nst_train.guard_data import command as guard_data
+from nst_train.guard_training import command as guard
+from nst_train.guard_training import make as guard_tables
+
+COMMANDS = {"guard-data": guard_data.main, "guard-tables": guard_tables.main, "guard": guard.main}
+"""All but training by a config alone."""
 
 
 def main(argv: list[str] | None = None) -> int:
     """`argv` is for tests; without it, the command line. Returns the exit code."""
     words = sys.argv[1:] if argv is None else argv
-    if words[:1] == ["guard-data"]:
-        return guard_data.main(words[1:])
+    if words and words[0] in COMMANDS:
+        return COMMANDS[words[0]](words[1:])
     parser = argparse.ArgumentParser(prog="python -m nst_train", description=__doc__)
     parser.add_argument("config", type=Path, nargs="+", help="TOML files, for instance configs/gaussian.toml")
     parser.add_argument(

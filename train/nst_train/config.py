@@ -155,13 +155,13 @@ def _parse(table: dict[str, Any], text: str, setting: str) -> Config:
     kind = data.get("kind")
     if kind not in DATA_KINDS:
         raise UserError(f"data.kind = {kind!r}: expected one of {', '.join(DATA_KINDS)}")
-    parsed = _read(DATA_KINDS[kind], data, "data.")
+    parsed = read_table(DATA_KINDS[kind], data, "data.")
     form = table.get("samples")
     if form is not None:
         if not isinstance(form, dict):
             raise UserError("samples: expected a table")
-        form = _read(PowerMeans, form, "samples.")
-    config = _read(Config, table, "", data=parsed, samples=form, setting=setting, text=text)
+        form = read_table(PowerMeans, form, "samples.")
+    config = read_table(Config, table, "", data=parsed, samples=form, setting=setting, text=text)
     _check_ranges(config)
     return config
 
@@ -178,8 +178,8 @@ def _refuse_unknown(table: dict[str, Any], cls: type, prefix: str) -> None:
             raise UserError(f"unknown key '{prefix}{key}'; did you mean '{prefix}{nearest}'?")
 
 
-def _read(cls: type, table: dict[str, Any], prefix: str, **given: Any) -> Any:
-    """Makes a `cls` of `table`, with the fields in `given` already parsed."""
+def read_table(cls: type, table: dict[str, Any], prefix: str, **given: Any) -> Any:
+    """Makes a `cls` of `table`, which has all its fields but those in `given`, and no other."""
     _refuse_unknown(table, cls, prefix)
     for key, expected in _keys(cls).items():
         if key in given:

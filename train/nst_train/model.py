@@ -1,5 +1,5 @@
-"""The network of section 3.1: a multi-layer perceptron from a window of estimates to T_n; and one that
-sees the samples instead."""
+"""The network of section 3.1: a multi-layer perceptron from a window of estimates to T_n; one that sees the
+samples instead; and one that weighs experts."""
 
 import copy
 from contextlib import nullcontext
@@ -29,12 +29,12 @@ class Mlp(nn.Module):
     center: Tensor | None
     basis: Tensor | None
 
-    def __init__(self, window: int, hidden: list[int]) -> None:
+    def __init__(self, window: int, hidden: list[int], outputs: int = 1) -> None:
         super().__init__()
         self.mixed = False
         self.register_buffer("center", None)
         self.register_buffer("basis", None)
-        widths = [window, *hidden, 1]
+        widths = [window, *hidden, outputs]
         self.layers = nn.ModuleList(nn.Linear(i, o) for i, o in pairwise(widths))
 
     @property
@@ -75,7 +75,7 @@ class Mlp(nn.Module):
                 self.layers[0].bias[0] = self.center[-1]
 
     def forward(self, windows: Tensor) -> Tensor:
-        """`[…, window]`, oldest estimate first, to T `[…]`."""
+        """`[…, window]`, oldest estimate first, to T `[…]`; to `[…, output]`, if there are several."""
         first, *between, last = self.layers
         if self.basis is not None:
             windows = (windows - self.center) @ self.basis.T
@@ -115,3 +115,33 @@ class SampleMlp(Mlp):
         inputs = self.inputs(sums, n, unit)
         output = self(inputs.to(self.layers[0].weight.dtype)).to(sums.dtype)
         return estimate + self.form.scale(estimate, unit) * output
+
+
+class GuardMlp(Mlp):
+    """Corrects the weights that the guard's closed form gives each expert (`guard_training/table.py`).
+
+    With the closed form's weights c, what is left for S among them, and the network's outputs o,
+
+        w = softmax over S and the experts that take part of (o + ln(c + floor)),    o of S = 0
+    """
+
+    def __init__(self, inputs: int, hidden: list[int], experts: tuple[str, ...], floor: float) -> None:
+        super().__init__(inputs, hidden, outputs=len(experts))
+        self.experts = experts
+        self.floor = floor
+
+    def start_from_closed(self, share: float) -> None:
+        """Makes the outputs small: the last layer's weights are multiplied by `share`, its biases are 0."""
+        with torch.no_grad():
+            self.layers[-1].weight.mul_(share)
+            self.layers[-1].bias.zero_()
+
+    def weights(self, inputs: Tensor, closed: Tensor, part: Tensor) -> Tensor:
+        """`[…, expert]` of inputs `[…, input]` and the closed form's weights `[…, expert]`.
+
+        `part` broadcasts with these and says who takes part; the others get 0.
+        """
+        left = (1.0 - closed.sum(dim=-1, keepdim=True)).clamp_min(0.0)
+        logits = self(inputs) + torch.log(closed + self.floor)
+        logits = logits.masked_fill(~part, -torch.inf)
+        return torch.softmax(torch.cat([torch.log(left + self.floor), logits], dim=-1), dim=-1)[..., 1:]

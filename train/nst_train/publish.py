@@ -46,7 +46,8 @@ def table(folder: Path, paper: Path) -> str:
     ]
     for path in sorted(folder.glob("*.safetensors")):
         model, metadata = weights.load(path)
-        widths = "-".join(str(layer.in_features) for layer in model.layers) + "-1"
+        widths = "-".join(str(layer.in_features) for layer in model.layers)
+        widths += f"-{model.layers[-1].out_features}"
         setting = SETTING.search(metadata["config"])
         trained_on = metadata["trained_on"].replace(",", ", ")
         if "sampler" in metadata:

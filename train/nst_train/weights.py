@@ -2,6 +2,7 @@
 
 import copy
 import json
+import math
 import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ import safetensors.torch
 import torch
 
 from nst_train.errors import UserError
-from nst_train.model import NEGATIVE_SLOPE, Mlp, SampleMlp
+from nst_train.model import NEGATIVE_SLOPE, GuardMlp, Mlp, SampleMlp
 from nst_train.power_means import PowerMeans
 
 FORMAT = "nst-weights-1"
@@ -58,6 +59,8 @@ def save(path: Path, model: Mlp, provenance: Provenance, dtype: torch.dtype = to
 
 def inputs(model: Mlp) -> dict[str, object]:
     """The metadata that say what the network reads."""
+    if isinstance(model, GuardMlp):
+        return {"inputs": "guard", "experts": ",".join(model.experts), "prior_floor": model.floor}
     if not isinstance(model, SampleMlp):
         return {"inputs": "window", "window": model.window}
     form = asdict(model.form) | {"powers": ",".join(f"{p:g}" for p in model.form.powers)}
@@ -104,7 +107,8 @@ def load(path: Path) -> tuple[Mlp, dict[str, str]]:
     if not all(tensor.isfinite().all() for tensor in tensors.values()):
         raise UserError(f"{path}: a weight is NaN or infinite")
     try:
-        model = empty(metadata, [len(bias) for bias in biases[:-1]])
+        first = tensors["layers.0.weight"].shape[-1]
+        model = empty(metadata, first, [len(bias) for bias in biases[:-1]])
         model.load_state_dict(tensors)
     except (KeyError, ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())
@@ -112,8 +116,16 @@ def load(path: Path) -> tuple[Mlp, dict[str, str]]:
     return model, metadata
 
 
-def empty(metadata: dict[str, str], hidden: list[int]) -> Mlp:
-    """A network with the inputs that the metadata say, and weights that mean nothing."""
+def empty(metadata: dict[str, str], width: int, hidden: list[int]) -> Mlp:
+    """A network with the inputs that the metadata say, and weights that mean nothing.
+
+    `width` is that of the first layer, where the metadata do not say it.
+    """
+    if metadata.get("inputs") == "guard":
+        floor = float(metadata["prior_floor"])
+        if not 0 < floor < math.inf:
+            raise ValueError(f"prior_floor = {floor}: must be a positive number")
+        return GuardMlp(width, hidden, tuple(metadata["experts"].split(",")), floor)
     if metadata.get("inputs") != "samples":
         return Mlp(int(metadata["window"]), hidden)
     powers = [float(p) for p in metadata["powers"].split(",")]

@@ -1,0 +1,125 @@
+"""The command `guard`: trains, scores and exports the network that corrects the guard's weights."""
+
+import argparse
+import random
+from pathlib import Path
+
+import torch
+
+from nst_train import evaluation, weights
+from nst_train.errors import UserError, exit_code
+from nst_train.guard_training import data, descent, scores, settings
+from nst_train.guard_training.data import Item
+from nst_train.guard_training.scores import CLOSED
+from nst_train.guard_training.settings import Settings
+from nst_train.guard_training.stored import LISTS
+from nst_train.random_scenes import BRANCHES
+
+CURVE = (10, 30, 60)
+"""Numbers of scenes that a network is trained on, beside all of them."""
+CURVE_COLUMNS = [
+    *("scenes", "pictures", "experts", "method"),
+    *("mse_to_min", "relmse_to_min", "mse_to_s", "relmse_to_s"),
+    *("worst_mse_to_s", "worst_relmse_to_s", "worst_mse_to_min", "worst_relmse_to_min"),
+]
+
+
+def say(line: str) -> None:
+    print(line, flush=True)
+
+
+def run(config: Settings, folder: Path, out: Path) -> None:
+    """Writes the weights, scores and losses to `out`."""
+    claim(out, config)
+    torch.set_num_threads(1)  # it is small
+    items = data.load(folder, config)
+    say(f"{config.name}: {len(scenes_of(items))} scenes, {len(items)} pictures and lists of experts")
+    model, losses = descent.train(config, items, say)
+    evaluation.write_csv(out / "history.csv", ["step", "loss"], enumerate(losses, 1))
+    path = out / f"{config.name}.safetensors"
+    weights.save(path, model, provenance(config, items))
+    say(f"wrote {path}")
+    found = scores.score({"network": model}, folder, config)
+    evaluation.write_csv(out / "metrics.csv", scores.COLUMNS, (score.row() for score in found))
+    say("\n".join(scores.lines(found)))
+
+
+def curve(config: Settings, folder: Path, path: Path) -> None:
+    """Scores of networks that saw fewer scenes, and of the closed form, which saw none."""
+    torch.set_num_threads(1)
+    items = data.load(folder, config)
+    names = scenes_of(items)
+    random.Random(config.seed).shuffle(names)
+    models, pictures = {}, {CLOSED: (0, 0)}
+    for count in [*(count for count in CURVE if count < len(names)), len(names)]:
+        seen = set(names[:count])
+        part = [item for item in items if item.scene in seen]
+        say(f"{count} scenes, {len(part)} pictures and lists of experts")
+        models[f"{count}"], _ = descent.train(config, part, say)
+        pictures[f"{count}"] = (count, len(part))
+    found = scores.score(models, folder, config)
+    rows = [
+        [*pictures[method], experts, "closed" if method == CLOSED else "network", *numbers]
+        for experts in LISTS
+        for method in pictures
+        for numbers in [scores.summary(found, experts, method)]
+    ]
+    evaluation.write_csv(path, CURVE_COLUMNS, rows)
+    say(f"wrote {path}")
+
+
+def claim(out: Path, config: Settings) -> None:
+    """Makes the folder, or refuses one with a run of another config."""
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / "config.toml"
+    if path.is_file() and path.read_text(encoding="utf-8") != config.text:
+        raise UserError(
+            f"{path}: {out} contains a run of another config; give another --out, or delete that folder"
+        )
+    path.write_text(config.text, encoding="utf-8")
+
+
+def scenes_of(items: list[Item]) -> list[str]:
+    return list(dict.fromkeys(item.scene for item in items))
+
+
+def provenance(config: Settings, items: list[Item]) -> weights.Provenance:
+    counts = [item.spp for item in items]
+    families = sorted({item.family for item in items})
+    return weights.Provenance(
+        trained_on=",".join(f"random:{name}" if name in BRANCHES else f"other:{name}" for name in families),
+        samples=f"{min(counts)}..{max(counts)}",
+        loss="guard",
+        epochs=max(1, round(config.steps * config.batch_size / len(items))),
+        seed=config.seed,
+        config=config.text,
+    )
+
+
+def main(argv: list[str]) -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m nst_train guard", description="Trains the network that corrects the guard's weights."
+    )
+    parser.add_argument(
+        "--folder", type=Path, required=True, metavar="DIR", help="that of guard-data and guard-tables"
+    )
+    parser.add_argument("--config", type=Path, required=True, help="a TOML file, configs/guard/guard.toml")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where the weights and scores go")
+    parser.add_argument(
+        "--curve",
+        type=Path,
+        metavar="FILE.csv",
+        help=f"instead or as well: scores of networks trained on {', '.join(map(str, CURVE))} and all scenes",
+    )
+    arguments = parser.parse_args(argv)
+    if not arguments.out and not arguments.curve:
+        parser.error("give --out, --curve, or both")
+
+    def work() -> None:
+        config = settings.load(arguments.config)
+        if arguments.out:
+            run(config, arguments.folder, arguments.out)
+        if arguments.curve:
+            curve(config, arguments.folder, arguments.curve)
+
+    return exit_code(work)
