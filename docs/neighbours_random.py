@@ -34,28 +34,27 @@ def measure(folder: Path) -> None:
 
     from nst_train.guard_data.read import OTHERS, pictures
 
-    done = {(row["scene"], row["spp"]) for row in read(TABLE)}
+    done = {tuple(row[name] for name in COLUMNS[:3]) for row in read(TABLE)}
     new = not TABLE.is_file()
     with TABLE.open("a", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         if new:
             writer.writerow(COLUMNS)
         for picture in pictures(folder):
+            lists = [it for it in LISTS if (picture.scene, str(picture.spp), it) not in done]
             # On those of others, the guard was settled.
-            if picture.scene.startswith(OTHERS) or (picture.scene, str(picture.spp)) in done:
+            if picture.scene.startswith(OTHERS) or not lists:
                 continue
             halves = list(picture.halves())
             plain = errors(stacked(layers(picture.sequence)), halves)
             noise = errors(sum(halves) / 2, [halves[0], halves[0]])
             if any(n > MOST_NOISE * error for n, error in zip(noise, plain, strict=True)):
                 continue
-            rows = []
-            for method in LISTS:
+            for method in lists:
                 of_method = errors(estimated(picture.sequence, method)[0], halves)
                 ratios = (f"{t / s:.4g}" for t, s in zip(of_method, plain, strict=True))
-                rows.append([picture.scene, picture.spp, method, *ratios])
-            writer.writerows(rows)
-            file.flush()
+                writer.writerow([picture.scene, picture.spp, method, *ratios])
+                file.flush()
 
 
 def table(rows: list[dict[str, str]]) -> list[str]:

@@ -1,16 +1,22 @@
 //! The guard of the command line: over which experts, and where it has nothing to hold out.
 
+#[cfg(feature = "gpu")]
+use nst_core::gpu::{AdapterKind, Gpu};
 use nst_core::{
-    Error as CoreError, Estimates, Fitted, Identity, MlpCpu, Network, Requirements, SampleMlp,
-    SequenceBatch, Strips, Transform, Weights, WelchFilter,
-    guard::{Expert, Guard, Judgement, OfTransform, PictureExpert, PictureGuard, TimeLimit},
+    Error as CoreError, Estimates, Fitted, GuardNetwork, Identity, MlpCpu, Network, Requirements,
+    SampleMlp, SequenceBatch, Strips, Transform, Weights, WelchFilter,
+    guard::{
+        Expert, Guard, GuardMlp, Judgement, OfTransform, PictureExpert, PictureGuard, TimeLimit,
+    },
 };
 
+#[cfg(feature = "gpu")]
+use crate::adapter::caught;
 use crate::{
     adapter::Adapter,
-    args::{BackendArg, CommonArgs, ExpertArg},
+    args::{BackendArg, CommonArgs, ExpertArg, GuardArg},
     error::Error,
-    networks::{builtin, builtin_of_samples, network_of},
+    networks::{builtin, builtin_of_guard, builtin_of_samples, guard_network_of, network_of},
     oidn::{self, Oidn},
     report::warn,
     samples::evaluated,
@@ -44,6 +50,7 @@ const DEFAULT: [ExpertArg; 2] = [ExpertArg::Lane, ExpertArg::Filter];
 /// [`Error::Usage`] says which expert cannot be one, and why.
 pub(crate) fn guard(
     list: &[ExpertArg],
+    weighs: &GuardArg,
     sampler: &str,
     backend: BackendArg,
     adapter: &Adapter,
@@ -52,51 +59,128 @@ pub(crate) fn guard(
     let named = if list.is_empty() { &DEFAULT } else { list };
     let limit = TimeLimit::default();
     let within = if list.is_empty() { limit.clone() } else { TimeLimit::default() };
-    let All { list, mut oidn, missing } = All::of(named, common);
-    let lanes = list.contains(&ExpertArg::Lane);
-    let mut networks = Vec::new();
-    let mut of_pictures: Vec<Box<dyn PictureExpert>> = Vec::new();
-    for arg in &list {
-        match arg {
-            ExpertArg::Lane => {}
-            ExpertArg::Filter => of_pictures.push(Box::new(WelchFilter::default())),
-            ExpertArg::Oidn => of_pictures.push(Box::new(match oidn.take() {
-                Some(oidn) => oidn,
-                None => Oidn::named(|library| loading(&library, common))?,
-            })),
-            other => networks.push(other),
-        }
-    }
+    let Experts { lanes, of_pictures, guard, missing } =
+        Experts::of(named, backend, adapter, common)?;
     let guarded = |transform| Guarded { transform, missing, limit };
-    let refits = Guard::MOST_EXPERTS.saturating_sub(networks.len());
-    let networks = networks.into_iter().enumerate();
-    let networks = networks.map(|(i, arg)| expert(arg, i < refits, backend, adapter));
-    let networks = networks.collect::<Result<Vec<_>, _>>()?;
-    if !lanes && (of_pictures.is_empty() || !networks.is_empty()) {
-        // Its first regression also says which lanes are alike.
+    if of_pictures.is_empty() && *weighs != GuardArg::Closed {
         return Err(Error::Usage(
-            "--experts: networks take part beside 'lane', the guard's own experts; add it to the \
-             list"
+            "--guard: a network weighs experts that look at neighbours; add 'filter' or 'oidn' to \
+             --experts"
                 .into(),
         ));
     }
-    if let Some((_, twice)) = list.iter().enumerate().find(|(i, it)| list[..*i].contains(it)) {
-        return Err(Error::Usage(format!("--experts: '{twice}' is named twice")));
-    }
-    let usage = |error| Error::Usage(format!("--experts: {}", reason(error)));
-    let guard = Guard::new(networks).map_err(usage)?;
     if sampler == NESTED {
         let notes = vec![NESTED_FOLDS.to_owned()];
         let judgement = Judgement { ratio: 1.0, interval: [1.0; 2], notes, ..Judgement::default() };
         return Ok(guarded(Box::new(Kept(judgement))));
     }
-    // The last one tells brightness, and denoisers leave less noise than filters.
-    of_pictures.sort_by_key(|expert| expert.name() == oidn::NAME);
     if of_pictures.is_empty() {
         return Ok(guarded(Box::new(guard)));
     }
-    let guard = PictureGuard::new(guard, of_pictures).map_err(usage)?.within(within);
-    Ok(guarded(Box::new(if lanes { guard } else { guard.without_lane() })))
+    let guard = over_pictures(guard, lanes, of_pictures)?.within(within);
+    Ok(guarded(Box::new(match network(weighs)? {
+        Some(network) => guard.learned(weighing(network, backend, adapter)?),
+        None => guard,
+    })))
+}
+
+/// The guard over experts of which some look at neighbours.
+///
+/// # Errors
+/// [`Error::Usage`] as for [`guard`], or if none looks at neighbours, or nothing can be held out.
+pub(crate) fn guard_of_pictures(
+    list: &[ExpertArg],
+    sampler: &str,
+    common: &CommonArgs,
+) -> Result<PictureGuard, Error> {
+    let (backend, adapter) = (BackendArg::Cpu, Adapter::default());
+    let Experts { lanes, of_pictures, guard, .. } = Experts::of(list, backend, &adapter, common)?;
+    if sampler == NESTED {
+        return Err(Error::Usage(NESTED_FOLDS.into()));
+    }
+    if of_pictures.is_empty() {
+        let message = "--experts: no one looks at neighbours; add 'filter' or 'oidn'";
+        return Err(Error::Usage(message.into()));
+    }
+    over_pictures(guard, lanes, of_pictures)
+}
+
+/// The guard over experts that look at neighbours, and perhaps the lanes.
+fn over_pictures(
+    guard: Guard,
+    lanes: bool,
+    of_pictures: Vec<Box<dyn PictureExpert>>,
+) -> Result<PictureGuard, Error> {
+    let guard = PictureGuard::new(guard, of_pictures).map_err(usage)?;
+    Ok(if lanes { guard } else { guard.without_lane() })
+}
+
+/// The network that weighs experts, if one does.
+fn network(weighs: &GuardArg) -> Result<Option<GuardNetwork>, Error> {
+    match weighs {
+        GuardArg::Closed => Ok(None),
+        GuardArg::Learned => builtin_of_guard().map(Some),
+        GuardArg::Weights(path) => guard_network_of(path).map(Some),
+    }
+}
+
+/// The experts of a list, ready to be asked.
+struct Experts {
+    /// Whether the guard's own take part.
+    lanes: bool,
+    of_pictures: Vec<Box<dyn PictureExpert>>,
+    /// That of lanes, over networks.
+    guard: Guard,
+    /// Why one of all experts takes no part.
+    missing: Option<String>,
+}
+
+impl Experts {
+    fn of(
+        named: &[ExpertArg],
+        backend: BackendArg,
+        adapter: &Adapter,
+        common: &CommonArgs,
+    ) -> Result<Self, Error> {
+        let All { list, mut oidn, missing } = All::of(named, common);
+        let lanes = list.contains(&ExpertArg::Lane);
+        let mut networks = Vec::new();
+        let mut of_pictures: Vec<Box<dyn PictureExpert>> = Vec::new();
+        for arg in &list {
+            match arg {
+                ExpertArg::Lane => {}
+                ExpertArg::Filter => of_pictures.push(Box::new(WelchFilter::default())),
+                ExpertArg::Oidn => of_pictures.push(Box::new(match oidn.take() {
+                    Some(oidn) => oidn,
+                    None => Oidn::named(|library| loading(&library, common))?,
+                })),
+                other => networks.push(other),
+            }
+        }
+        let refits = Guard::MOST_EXPERTS.saturating_sub(networks.len());
+        let networks = networks.into_iter().enumerate();
+        let networks = networks.map(|(i, arg)| expert(arg, i < refits, backend, adapter));
+        let networks = networks.collect::<Result<Vec<_>, _>>()?;
+        if !lanes && (of_pictures.is_empty() || !networks.is_empty()) {
+            // Its first regression also says which lanes are alike.
+            return Err(Error::Usage(
+                "--experts: networks take part beside 'lane', the guard's own experts; add it to \
+                 the list"
+                    .into(),
+            ));
+        }
+        if let Some((_, twice)) = list.iter().enumerate().find(|(i, it)| list[..*i].contains(it)) {
+            return Err(Error::Usage(format!("--experts: '{twice}' is named twice")));
+        }
+        // The last one tells brightness, and denoisers leave less noise than filters.
+        of_pictures.sort_by_key(|expert| expert.name() == oidn::NAME);
+        Ok(Self { lanes, of_pictures, guard: Guard::new(networks).map_err(usage)?, missing })
+    }
+}
+
+/// What the list of experts is to blame for.
+fn usage(error: CoreError) -> Error {
+    Error::Usage(format!("--experts: {}", reason(error)))
 }
 
 /// A list of experts in which `all` is replaced by those that can run here.
@@ -151,10 +235,41 @@ fn expert(
         ExpertArg::Weights(path) => match network_of(path)? {
             Weights::Window(network) => return of_terms(arg, network, "--weights"),
             Weights::Samples(network) => network,
+            Weights::Guard(_) => {
+                let message =
+                    format!("--experts: '{arg}' weighs experts, and is none; --guard takes it");
+                return Err(Error::Usage(message));
+            }
         },
     };
     let mlp: SampleMlp = evaluated(arg.to_string(), network, backend, adapter)?;
     Ok(Box::new(if refit { mlp.with_refit() } else { mlp }))
+}
+
+/// A network that weighs experts, with its layers where the command line wants them.
+#[cfg(feature = "gpu")]
+fn weighing(
+    network: GuardNetwork,
+    backend: BackendArg,
+    adapter: &Adapter,
+) -> Result<GuardMlp, Error> {
+    if backend != BackendArg::Gpu {
+        return Ok(GuardMlp::new(network)?);
+    }
+    let opening = adapter.opens();
+    let opened = caught(|| {
+        let gpu = Gpu::open(AdapterKind::Any)?;
+        Ok((gpu.name().to_owned(), GuardMlp::on_gpu(network, &gpu)?))
+    });
+    drop(opening);
+    let (name, mlp) = opened.map_err(Error::Gpu)?;
+    adapter.set(Some(name));
+    Ok(mlp)
+}
+
+#[cfg(not(feature = "gpu"))]
+fn weighing(network: GuardNetwork, _: BackendArg, _: &Adapter) -> Result<GuardMlp, Error> {
+    Ok(GuardMlp::new(network)?)
 }
 
 /// The expert that a network which reads terms may be.

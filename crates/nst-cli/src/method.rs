@@ -15,7 +15,7 @@ use nst_core::{
 use crate::fallback::Fallback;
 use crate::{
     adapter::{Adapter, caught},
-    args::{BackendArg, CommonArgs, ExpertArg, FILTER, MethodArgs, TransformArg},
+    args::{BackendArg, CommonArgs, ExpertArg, FILTER, GuardArg, MethodArgs, TransformArg},
     error::Error,
     guard::{Guarded, guard},
     networks::{builtin, builtin_of_samples, network_of},
@@ -71,11 +71,11 @@ impl Method {
     ) -> Result<Self, Error> {
         match (&args.weights, args.transform) {
             (Some(path), _) => Self::of_file(path, args.backend),
-            (None, TransformArg::Auto) => Self::auto(&args.experts, sampler, args.backend, common),
-            (None, named) if !args.experts.is_empty() => Err(Error::Usage(format!(
-                "--experts is for --transform auto, not for '{}'; leave out one of them",
-                named.name()
-            ))),
+            (None, TransformArg::Auto) => {
+                Self::auto(&args.experts, &args.guard, sampler, args.backend, common)
+            }
+            (None, named) if !args.experts.is_empty() => Err(not_auto("--experts", named)),
+            (None, named) if args.guard != GuardArg::Closed => Err(not_auto("--guard", named)),
             (None, named) => Self::named(named, args.backend),
         }
     }
@@ -88,18 +88,23 @@ impl Method {
             Weights::Samples(network) => {
                 Self::of_samples(&name, format!("--weights {name}"), network, backend)
             }
+            Weights::Guard(_) => Err(Error::Usage(format!(
+                "--weights: '{name}' weighs the guard's experts, and is no transformation; --guard \
+                 takes it"
+            ))),
         }
     }
 
     /// The guard, over these experts.
     pub(crate) fn auto(
         experts: &[ExpertArg],
+        weighs: &GuardArg,
         sampler: &str,
         backend: BackendArg,
         common: &CommonArgs,
     ) -> Result<Self, Error> {
         let adapter = Adapter::default();
-        let guarded = guard(experts, sampler, backend, &adapter, common)?;
+        let guarded = guard(experts, weighs, sampler, backend, &adapter, common)?;
         let Guarded { transform, missing, limit } = guarded;
         let method = Self::on_cpu(TransformArg::Auto.name(), BLENDS, transform);
         Ok(Self { adapter, missing, limit, ..method })
@@ -116,7 +121,9 @@ impl Method {
     /// The method of a name; `auto` with the experts that it has by default, for independent folds.
     pub(crate) fn named(transform: TransformArg, backend: BackendArg) -> Result<Self, Error> {
         match transform {
-            TransformArg::Auto => Self::auto(&[], "", backend, &CommonArgs::default()),
+            TransformArg::Auto => {
+                Self::auto(&[], &GuardArg::default(), "", backend, &CommonArgs::default())
+            }
             TransformArg::None => Ok(Self::on_cpu("none", AS_ASKED, Box::new(Identity))),
             TransformArg::Method(FILTER) if backend == BackendArg::Gpu => {
                 let adapter = Adapter::default();
@@ -259,6 +266,14 @@ impl Method {
         let method = Self::on_cpu(&name.into(), AS_ASKED, transform);
         Ok(Self { adapter, ..method })
     }
+}
+
+/// The error where an option of the guard is given beside another method.
+fn not_auto(option: &str, named: TransformArg) -> Error {
+    let name = named.name();
+    Error::Usage(format!(
+        "{option} is for --transform auto, not for '{name}'; leave out one of them"
+    ))
 }
 
 /// Opens a GPU, and a network on it.

@@ -31,6 +31,8 @@ pub(crate) struct Summary {
     plain_kept: bool,
     /// The experts of a transformation that blends some.
     experts: Vec<Expert>,
+    /// What weighs them: `closed` or `learned`.
+    guard: Option<&'static str>,
     /// What it says of its own MSE, relative to that of the plain estimate, with the ends of the
     /// 95 % interval.
     predicted_ratio: Option<f64>,
@@ -88,6 +90,13 @@ pub(crate) fn why_kept(judgement: &Judgement) -> Option<String> {
     }
 }
 
+/// What weighs experts, as `--guard` calls it.
+pub(crate) fn weighed_by(judgement: &Judgement) -> &'static str {
+    if judgement.learned { LEARNED } else { "closed" }
+}
+
+const LEARNED: &str = "learned";
+
 /// A rendering's part of the summary.
 pub(crate) struct RenderStats {
     pub(crate) time: Duration,
@@ -139,6 +148,7 @@ impl Stopwatch {
                 |why| format!("the plain estimates stay: {why}"),
             ),
             experts: experts.map(|(name, weight)| Expert { name, weight }).collect(),
+            guard: judgement.map(weighed_by),
             predicted_ratio: judgement.map(|it| it.ratio),
             predicted_low: judgement.map(|it| it.interval[0]),
             predicted_high: judgement.map(|it| it.interval[1]),
@@ -185,7 +195,8 @@ impl Summary {
         let trusted = self.experts.iter().filter(|expert| percent(expert) > 0.0);
         let trusted = trusted.map(|it| format!("{} by {} %", it.name, percent(it)));
         let trusted = list(&trusted.collect::<Vec<_>>(), "no expert by as much as 1 %");
-        writeln!(f, "           trusts {trusted}, on average over the lanes")?;
+        let by = if self.guard == Some(LEARNED) { ", as a network says" } else { "" };
+        writeln!(f, "           trusts {trusted}, on average over the lanes{by}")?;
         writeln!(
             f,
             "           predicts {ratio:.2} of the plain estimates' MSE (95 %: {low:.2} to {high:.2})"

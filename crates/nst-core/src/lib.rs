@@ -30,6 +30,7 @@
 mod cholesky;
 mod compact;
 mod error;
+mod evaluator;
 mod filter;
 #[cfg(feature = "gpu")]
 pub mod gpu;
@@ -48,7 +49,9 @@ mod vector;
 pub use error::Error;
 pub use filter::WelchFilter;
 pub use mlp::MlpCpu;
-pub use network::{Builtin, Layer, Metadata, Network, SampleForm, SampleNetwork, Weights};
+pub use network::{
+    Builtin, GuardNetwork, Layer, Metadata, Network, SampleForm, SampleNetwork, Weights,
+};
 pub use sample_mlp::SampleMlp;
 pub use sequence::{
     Extent, FOLDS, FeatureSum, FeatureSums, FurtherPowers, Grid, Keep, LANES_PER_BLOCK, LaneSums,

@@ -8,9 +8,10 @@ use ndarray::Array2;
 use rayon::prelude::*;
 
 #[cfg(feature = "gpu")]
-use crate::gpu::{Gpu, MlpGpu};
+use crate::gpu::Gpu;
 use crate::{
     Error, MlpCpu, Power, SampleNetwork,
+    evaluator::Evaluator,
     guard::{Expert, Features, Seen},
 };
 
@@ -25,7 +26,7 @@ const CHUNK: usize = 1 << 18;
 pub struct SampleMlp {
     name: String,
     network: SampleNetwork,
-    layers: Layers,
+    layers: Evaluator,
     refit: Option<Refit>,
 }
 
@@ -37,18 +38,11 @@ struct Refit {
     coefficients: Vec<f32>,
 }
 
-#[derive(Debug)]
-enum Layers {
-    Cpu(MlpCpu),
-    #[cfg(feature = "gpu")]
-    Gpu(MlpGpu),
-}
-
 impl SampleMlp {
     /// An expert of this name, with layers on the CPU.
     #[must_use]
     pub fn new(name: impl Into<String>, network: SampleNetwork) -> Self {
-        let layers = Layers::Cpu(MlpCpu::new(network.layers().clone()));
+        let layers = Evaluator::on_cpu(network.layers());
         Self { name: name.into(), network, layers, refit: None }
     }
 
@@ -63,7 +57,7 @@ impl SampleMlp {
         network: SampleNetwork,
         gpu: Gpu,
     ) -> Result<Self, Error> {
-        let layers = Layers::Gpu(MlpGpu::new(gpu, network.layers().clone())?);
+        let layers = Evaluator::on_gpu(network.layers(), gpu)?;
         Ok(Self { name: name.into(), network, layers, refit: None })
     }
 
@@ -124,11 +118,7 @@ impl Expert for SampleMlp {
         for (chunk, out) in out.chunks_mut(CHUNK).enumerate() {
             let first = chunk * CHUNK;
             let inputs = self.inputs(seen, &means, first, out.len());
-            match &self.layers {
-                Layers::Cpu(mlp) => mlp.evaluate_all(inputs.view(), out),
-                #[cfg(feature = "gpu")]
-                Layers::Gpu(mlp) => mlp.evaluate_all(inputs.view(), out)?,
-            }
+            self.layers.evaluate(inputs.view(), out)?;
             for (lane, out) in (first..).zip(out) {
                 let plain = seen.mean[lane];
                 let change = self.network.scale(plain.into(), seen.unit) * f64::from(*out);

@@ -3,7 +3,7 @@
 //!
 //! [`sequence_file`] reads and writes sequences as EXR files, some rows at a time; [`pack`]
 //! makes them from pictures of other renderers, [`merge`] from other sequences, and
-//! [`dataset`] stores many runs for training. [`picture`] and [`header`] read EXR files of
+//! [`dataset`] stores many runs for training, and [`guard_table`] what the guard sees of a picture. [`picture`] and [`header`] read EXR files of
 //! any program; [`picture_writer`], [`png`] and [`false_color`] write pictures. [`output`]
 //! makes sure that files appear whole, and never replace an input or a file of another
 //! kind.
@@ -15,6 +15,7 @@ mod blender;
 pub mod dataset;
 mod error;
 pub mod false_color;
+pub mod guard_table;
 pub mod header;
 mod layers;
 mod limits;

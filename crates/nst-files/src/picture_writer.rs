@@ -21,6 +21,8 @@ pub struct PictureInfo {
     /// The experts that the estimates are blended of, with the means of their weights, as
     /// `nst.expert`.
     pub expert: Option<String>,
+    /// What weighs them, `closed` or `learned`, as `nst.guard`.
+    pub guard: Option<String>,
     /// The MSE of the estimates that the blend predicts, relative to that of the plain ones, and
     /// the ends of its 95 % interval, as `nst.predictedRatio`, `nst.predictedLow` and
     /// `nst.predictedHigh`.
@@ -38,6 +40,7 @@ impl PictureInfo {
             ("samplesPerPixel", samples.map(Attribute::I32)),
             ("renderTimeSeconds", self.render_seconds.map(Attribute::F32)),
             ("nst.expert", text(&self.expert)),
+            ("nst.guard", text(&self.guard)),
             ("nst.predictedRatio", predicted(0)),
             ("nst.predictedLow", predicted(1)),
             ("nst.predictedHigh", predicted(2)),

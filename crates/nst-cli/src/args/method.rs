@@ -9,7 +9,7 @@ use clap::{
     ValueEnum,
     builder::{PossibleValue, PossibleValuesParser, TypedValueParser},
 };
-use nst_core::{Network, SampleNetwork, methods::METHODS};
+use nst_core::{GuardNetwork, Network, SampleNetwork, methods::METHODS};
 
 use super::values::has_extension;
 use crate::oidn;
@@ -27,6 +27,10 @@ pub(crate) struct MethodArgs {
     /// longer than a third of the rendering]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = expert, conflicts_with = "weights")]
     pub(crate) experts: Vec<ExpertArg>,
+    /// What weighs experts that look at neighbours: `closed`, a formula over samples that were held
+    /// out; or `learned`, a network that corrects it, or that of a safetensors file.
+    #[arg(long, value_name = "HOW", default_value = "closed", value_parser = guard, conflicts_with = "weights")]
+    pub(crate) guard: GuardArg,
     /// Use the network of this safetensors file.
     #[arg(long, value_name = "FILE", conflicts_with = "transform")]
     pub(crate) weights: Option<PathBuf>,
@@ -61,6 +65,17 @@ pub(crate) enum TransformArg {
     Samples(&'static str),
     /// Another name in [`METHODS`].
     Method(&'static str),
+}
+
+/// What weighs the guard's experts.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) enum GuardArg {
+    #[default]
+    Closed,
+    /// The built-in network.
+    Learned,
+    /// The network of a file.
+    Weights(PathBuf),
 }
 
 /// What the guard may blend.
@@ -108,7 +123,12 @@ impl fmt::Display for ExpertArg {
 impl MethodArgs {
     /// The files that are read for the method.
     pub(crate) fn files(&self) -> impl Iterator<Item = &PathBuf> {
-        self.weights.iter().chain(self.experts.iter().filter_map(ExpertArg::file))
+        let of_guard = match &self.guard {
+            GuardArg::Weights(path) => Some(path),
+            GuardArg::Closed | GuardArg::Learned => None,
+        };
+        let experts = self.experts.iter().filter_map(ExpertArg::file);
+        self.weights.iter().chain(experts).chain(of_guard)
     }
 }
 
@@ -120,6 +140,17 @@ const LANE: &str = "lane";
 
 /// What the filter is called, here and in [`METHODS`].
 pub(crate) const FILTER: &str = "filter";
+
+/// Takes what weighs experts.
+fn guard(text: &str) -> Result<GuardArg, String> {
+    let path = Path::new(text);
+    match text {
+        "closed" => Ok(GuardArg::Closed),
+        "learned" => Ok(GuardArg::Learned),
+        _ if has_extension(path, "safetensors") => Ok(GuardArg::Weights(path.to_owned())),
+        _ => Err("it is closed, learned, or FILE.safetensors".to_owned()),
+    }
+}
 
 /// Takes the name of an expert.
 pub(super) fn expert(text: &str) -> Result<ExpertArg, String> {
@@ -174,10 +205,10 @@ pub(super) fn transform() -> impl TypedValueParser<Value = TransformArg> {
     })
 }
 
-/// Takes the name of a built-in network of either kind.
+/// Takes the name of a built-in network of any kind.
 pub(super) fn builtin_name() -> PossibleValuesParser {
     let names = Network::builtins().map(|it| it.name());
-    PossibleValuesParser::new(names.chain(SampleNetwork::builtins()))
+    PossibleValuesParser::new(names.chain(SampleNetwork::builtins()).chain([GuardNetwork::BUILTIN]))
 }
 
 /// The methods that have names, and what each is in a few words.

@@ -20,8 +20,8 @@ use clap::{Parser, Subcommand};
 pub(crate) use bench::{Bench, BenchArgs, BenchSceneArgs, BenchStabilityArgs};
 pub(crate) use chart::ChartArgs;
 pub(crate) use common::CommonArgs;
-use method::builtin_name;
-pub(crate) use method::{BackendArg, ExpertArg, FILTER, MethodArgs, TransformArg};
+pub(crate) use method::{BackendArg, ExpertArg, FILTER, GuardArg, MethodArgs, TransformArg};
+use method::{builtin_name, expert};
 pub(crate) use pack::{PackArgs, PackAs};
 pub(crate) use picture::NamedPicture;
 #[cfg(feature = "render")]
@@ -45,6 +45,7 @@ pub(crate) enum Command {
     Transform(TransformArgs),
     Pack(PackArgs),
     Merge(MergeArgs),
+    GuardTable(GuardTableArgs),
     Info(InfoArgs),
     Compare(CompareArgs),
     #[cfg(feature = "render")]
@@ -64,6 +65,7 @@ impl Command {
             Self::Transform(args) => &args.common,
             Self::Pack(args) => &args.common,
             Self::Merge(args) => &args.common,
+            Self::GuardTable(args) => &args.common,
             Self::Info(args) => &args.common,
             Self::Compare(args) => &args.common,
             Self::Chart(args) => &args.common,
@@ -102,6 +104,22 @@ pub(crate) struct MergeArgs {
     pub(crate) files: Vec<PathBuf>,
     /// Sequence to write.
     #[arg(short, long, value_name = "EXR", value_parser = ending_in(["exr"]))]
+    pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) common: CommonArgs,
+}
+
+/// Write what a network that weighs the guard's experts is trained with: see train/README.md.
+#[derive(Debug, clap::Args)]
+pub(crate) struct GuardTableArgs {
+    /// Sequence file, as written by `nst render --sequence`.
+    #[arg(value_name = "EXR")]
+    pub(crate) sequence: PathBuf,
+    /// The experts, as of `nst transform`; some of them look at neighbours.
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = expert, required = true)]
+    pub(crate) experts: Vec<ExpertArg>,
+    /// Table to write.
+    #[arg(short, long, value_name = "FILE", value_parser = ending_in(["safetensors"]))]
     pub(crate) output: PathBuf,
     #[command(flatten)]
     pub(crate) common: CommonArgs,

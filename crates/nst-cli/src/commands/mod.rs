@@ -5,6 +5,7 @@ mod bench;
 mod chart;
 mod compare;
 mod describe;
+mod guard_table;
 mod info;
 mod merge;
 mod pack;
@@ -26,6 +27,7 @@ pub(crate) fn run(command: &Command) -> Result<Done, Error> {
         Command::Transform(args) => transform::run(args).map(Done::whole),
         Command::Pack(args) => pack::run(args),
         Command::Merge(args) => merge::run(args).map(Done::whole),
+        Command::GuardTable(args) => guard_table::run(args).map(Done::whole),
         Command::Info(args) => info::run(args),
         Command::Compare(args) => compare::run(args).map(Done::whole),
         #[cfg(feature = "render")]

@@ -10,7 +10,7 @@ use nst_files::{
     png::PngWriter,
 };
 
-use crate::{args::has_extension, error::Error};
+use crate::{args::has_extension, error::Error, summary::weighed_by};
 
 /// The layers of a picture: estimates, the plain ones, and the variance of these.
 pub(super) fn layers<'a>(batch: &'a SequenceBatch, values: &'a [f32]) -> Vec<(&'a str, &'a [f32])> {
@@ -34,6 +34,7 @@ pub(super) fn header(
         samples_per_pixel: Some(samples),
         render_seconds,
         expert,
+        guard: judgement.map(|it| weighed_by(it).to_owned()),
         predicted: judgement.map(|it| [it.ratio, it.interval[0], it.interval[1]].map(|x| x as f32)),
         ..PictureInfo::default()
     }

@@ -21,6 +21,11 @@ impl<const N: usize> Hats<N> {
         N
     }
 
+    /// The number at a knot.
+    pub(super) fn knot(&self, knot: usize) -> f32 {
+        self.low + (self.high - self.low) * knot as f32 / (N - 1) as f32
+    }
+
     /// Where a number lies; a NaN lies at the low end.
     #[inline(always)]
     pub(super) fn place(&self, x: f32) -> Place {
@@ -32,6 +37,11 @@ impl<const N: usize> Hats<N> {
 }
 
 impl Place {
+    /// Where it lies between the knots 0 and N − 1.
+    pub(super) fn in_knots(&self) -> f32 {
+        f32::from(self.first) + self.share
+    }
+
     /// Both knots with their shares.
     #[inline(always)]
     pub(super) fn knots(&self) -> [(usize, f64); 2] {

@@ -29,6 +29,8 @@ pub struct Judgement {
     pub interval: [f64; 2],
     /// What was left out, and why.
     pub notes: Vec<String>,
+    /// Whether a [network](super::GuardMlp) has corrected the experts' weights.
+    pub learned: bool,
 }
 
 impl Judgement {
@@ -82,6 +84,7 @@ pub(super) fn judge(
         ratio,
         interval,
         notes,
+        learned: false,
     };
     (judgement, judged.error_ratios())
 }

@@ -36,5 +36,8 @@ mod weights;
 pub use alone::Alone;
 pub use judge::Judgement;
 pub use lanes::{FittedGuard, Guard};
-pub use picture::{PictureExpert, PictureGuard, SeenFeature, SeenPicture, TimeLimit};
+pub(crate) use picture::INPUTS;
+pub use picture::{
+    GuardMlp, PictureExpert, PictureGuard, SeenFeature, SeenPicture, TimeLimit, TrainingTable,
+};
 pub use seen::{Expert, Features, OfTransform, Seen};

@@ -1,6 +1,6 @@
 //! The networks inside the crate.
 
-use super::{file::Weights, model::Network, samples::SampleNetwork};
+use super::{file::Weights, guard::GuardNetwork, model::Network, samples::SampleNetwork};
 use crate::Error;
 
 /// The names of networks, and their files in `weights/`.
@@ -41,6 +41,9 @@ const OF_SAMPLES: &[(&str, &[u8])] = &builtin!(
     "small",
     "base",
 );
+
+/// The one that weighs the guard's experts.
+const OF_GUARD: (&str, &[u8]) = builtin!("guard")[0];
 
 /// A network inside the crate, whose file has not been read yet.
 #[derive(Clone, Copy, Debug)]
@@ -110,11 +113,25 @@ impl SampleNetwork {
     }
 }
 
+impl GuardNetwork {
+    /// What the network inside the crate is called.
+    pub const BUILTIN: &str = OF_GUARD.0;
+
+    /// The network inside the crate, for the experts `lane`, `filter` and `oidn`.
+    ///
+    /// # Errors
+    /// As for [`Builtin::network`].
+    pub fn builtin() -> Result<Self, Error> {
+        Self::from_bytes(OF_GUARD.1)
+    }
+}
+
 impl Weights {
-    /// A network inside the crate, of either kind, by its name.
+    /// A network inside the crate, of any kind, by its name.
     #[must_use]
     pub fn builtin(name: &str) -> Option<Result<Self, Error>> {
-        let found = BUILTIN.iter().chain(OF_SAMPLES).find(|(known, _)| *known == name);
+        let all = BUILTIN.iter().chain(OF_SAMPLES).chain([&OF_GUARD]);
+        let found = all.into_iter().find(|(known, _)| *known == name);
         found.map(|(_, file)| Self::from_bytes(file))
     }
 }
@@ -138,6 +155,10 @@ mod tests {
             assert!(matches!(weights, Weights::Samples(it) if it == network), "{name}");
             assert!(Network::builtins().all(|builtin| builtin.name() != name));
         }
+        let guard = GuardNetwork::builtin()?;
+        assert_eq!(guard.experts(), ["lane", "filter", "oidn"]);
+        let weights = Weights::builtin(GuardNetwork::BUILTIN).expect("it has a name")?;
+        assert!(matches!(weights, Weights::Guard(it) if it == guard));
         assert!(SampleNetwork::builtin("step").is_none() && Weights::builtin("steps").is_none());
         assert!(matches!(Weights::builtin("step"), Some(Ok(Weights::Window(_)))));
         Ok(())

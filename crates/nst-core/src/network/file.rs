@@ -9,10 +9,11 @@ use safetensors::{
 };
 
 use super::{
+    guard::GuardNetwork,
     model::{Layer, Metadata, Network},
     samples::{SampleForm, SampleNetwork},
 };
-use crate::Error;
+use crate::{Error, guard::INPUTS};
 
 /// The value of the metadata key `format` in files that this version reads.
 const FORMAT: &str = "nst-weights-1";
@@ -20,13 +21,15 @@ const FORMAT: &str = "nst-weights-1";
 /// A safetensors file begins with the length of its header, a number of this many bytes.
 const LENGTH_BYTES: usize = 8;
 
-/// What a weights file contains: one of two kinds of network.
+/// What a weights file contains: one of three kinds of network.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Weights {
     /// One that reads a window of terms.
     Window(Network),
     /// One that sees samples.
     Samples(SampleNetwork),
+    /// One that weighs the guard's experts.
+    Guard(GuardNetwork),
 }
 
 impl Weights {
@@ -53,8 +56,15 @@ impl Weights {
                 let metadata = fields.metadata(form.inputs())?;
                 Ok(Self::Samples(SampleNetwork::new(tensors.layers()?, metadata, form)?))
             }
+            "guard" => {
+                let metadata = fields.metadata(INPUTS)?;
+                let experts = fields.get("experts")?.split(',').map(|it| it.trim().to_owned());
+                let (experts, floor) = (experts.collect(), fields.number("prior_floor")?);
+                let network = GuardNetwork::new(tensors.layers()?, metadata, experts, floor)?;
+                Ok(Self::Guard(network))
+            }
             found => Err(Error::Weights(format!(
-                "metadata 'inputs' is '{found}'; this version reads 'window' and 'samples'"
+                "metadata 'inputs' is '{found}'; this version reads 'window', 'samples' and 'guard'"
             ))),
         }
     }
@@ -67,13 +77,30 @@ impl Weights {
         Self::from_bytes(&std::fs::read(path)?)
     }
 
-    /// Its layers; of one that sees samples, their window is its inputs.
+    /// Its layers; of one that reads no terms, their window is its inputs, and of one that weighs experts,
+    /// they have the output of the first.
     #[must_use]
     pub fn layers(&self) -> &Network {
         match self {
             Self::Window(network) => network,
             Self::Samples(network) => network.layers(),
+            Self::Guard(network) => &network.outputs()[0],
         }
+    }
+
+    /// The error where another kind is needed.
+    fn unfit(&self) -> Error {
+        let is = match self {
+            Self::Window(_) => {
+                "it reads a window of terms (metadata 'inputs'), and sees no samples"
+            }
+            Self::Samples(_) => {
+                "it sees samples (metadata 'inputs'), not a window of terms: it can only be an expert \
+                 of the guard"
+            }
+            Self::Guard(_) => "it weighs the guard's experts (metadata 'inputs'): --guard takes it",
+        };
+        Error::Weights(is.into())
     }
 }
 
@@ -85,11 +112,7 @@ impl Network {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, Error> {
         match Weights::from_bytes(bytes)? {
             Weights::Window(network) => Ok(network),
-            Weights::Samples(_) => Err(Error::Weights(
-                "it sees samples (metadata 'inputs'), not a window of terms: it can only be an \
-                 expert of the guard"
-                    .into(),
-            )),
+            other => Err(other.unfit()),
         }
     }
 
@@ -110,9 +133,28 @@ impl SampleNetwork {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, Error> {
         match Weights::from_bytes(bytes)? {
             Weights::Samples(network) => Ok(network),
-            Weights::Window(_) => Err(Error::Weights(
-                "it reads a window of terms (metadata 'inputs'), and sees no samples".into(),
-            )),
+            other => Err(other.unfit()),
+        }
+    }
+
+    /// Reads a network from a safetensors file.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the file cannot be read, and those of [`Self::from_bytes`].
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        Self::from_bytes(&std::fs::read(path)?)
+    }
+}
+
+impl GuardNetwork {
+    /// Reads a network from the bytes of a safetensors file.
+    ///
+    /// # Errors
+    /// [`Error::Weights`] names the first defect, or says that the network is of another kind.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, Error> {
+        match Weights::from_bytes(bytes)? {
+            Weights::Guard(network) => Ok(network),
+            other => Err(other.unfit()),
         }
     }
 

@@ -3,7 +3,7 @@
 use std::{fs::File, io::Read, path::Path};
 
 use crate::{
-    Error, dataset,
+    Error, dataset, guard_table,
     header::{ExrHeader, is_exr},
     output_file::SOFTWARE,
     png,
@@ -29,6 +29,8 @@ pub enum Kind {
     Png,
     /// A safetensors file with runs for training.
     Dataset,
+    /// A safetensors file with what the guard sees of a picture, for training.
+    GuardTable,
     /// A table as text.
     Csv,
     /// A document as text.
@@ -54,6 +56,7 @@ impl Kind {
             Self::Sequence => "a sequence",
             Self::Png => "a PNG picture",
             Self::Dataset => "a dataset",
+            Self::GuardTable => "a table for training the guard",
             Self::Csv => "a CSV table",
             Self::Markdown => "a Markdown document",
             Self::Html => "an HTML page",
@@ -107,8 +110,13 @@ impl Found {
             let ours = png::software(path).is_some_and(|by| is_ours(&by));
             return Ok(Self { kind: Some(Kind::Png), ours });
         }
-        if dataset::safetensors_format(path).is_ok_and(|format| format == dataset::FORMAT) {
-            return Ok(Self { kind: Some(Kind::Dataset), ours: true });
+        let tensors = match dataset::safetensors_format(path).as_deref() {
+            Ok(dataset::FORMAT) => Some(Kind::Dataset),
+            Ok(guard_table::FORMAT) => Some(Kind::GuardTable),
+            _ => None,
+        };
+        if tensors.is_some() {
+            return Ok(Self { kind: tensors, ours: true });
         }
         // A text does not say who wrote it. Scenes begin with remarks, too: the name must
         // agree.

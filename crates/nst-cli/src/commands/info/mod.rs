@@ -10,7 +10,7 @@ mod tensors;
 use std::{fmt, path::Path};
 
 use nst_core::Weights;
-use nst_files::{dataset, header::is_exr};
+use nst_files::{dataset, guard_table, header::is_exr};
 use serde::Serialize;
 
 use crate::{
@@ -64,6 +64,13 @@ fn read(path: &Path) -> Result<Content, Error> {
     } else if has_extension(path, "safetensors") {
         Ok(match dataset::safetensors_format(path)?.as_str() {
             dataset::FORMAT => Content::Dataset(tensors::DatasetReport::read(path)?),
+            guard_table::FORMAT => {
+                return Err(Error::Unlike(format!(
+                    "'{}' is a table for training the guard, which 'python -m nst_train \
+                     guard-tables' reads",
+                    path.display()
+                )));
+            }
             // Anything else is judged by the reader of weights, which says what it misses.
             _ => Content::Weights(tensors::WeightsInfo::read(path)?),
         })

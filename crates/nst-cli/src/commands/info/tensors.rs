@@ -23,6 +23,9 @@ pub(super) struct WeightsInfo {
     /// The powers of the samples whose means it reads, if it sees samples.
     #[serde(skip_serializing_if = "Option::is_none")]
     powers: Option<Vec<f64>>,
+    /// The experts that it weighs, if it does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    experts: Option<Vec<String>>,
     trained_on: Vec<String>,
     samples: [u32; 2],
     sampler: Option<String>,
@@ -39,19 +42,29 @@ impl WeightsInfo {
 
     pub(super) fn of(weights: &Weights) -> Self {
         let network = weights.layers();
-        let (window, powers) = match weights {
-            Weights::Window(network) => (Some(network.metadata().window), None),
+        let (mut window, mut powers, mut experts) = (None, None, None);
+        match weights {
+            Weights::Window(network) => window = Some(network.metadata().window),
             Weights::Samples(network) => {
-                (None, Some(network.form().powers.iter().map(|power| power.value()).collect()))
+                powers = Some(network.form().powers.iter().map(|power| power.value()).collect());
             }
-        };
+            Weights::Guard(network) => experts = Some(network.experts().to_vec()),
+        }
         let metadata = network.metadata();
         let of_layers = network.layers().iter().map(|layer| layer.weight.len() + layer.bias.len());
+        let (mut shape, mut parameters) = (network.shape(), of_layers.sum());
+        if let Some(outputs) = experts.as_ref().map(Vec::len) {
+            // Each expert has an output of its own.
+            let last = network.layers().last().expect("a network has layers");
+            parameters += (outputs - 1) * (last.inputs() + 1);
+            shape.replace_range(shape.len() - 1.., &outputs.to_string());
+        }
         Self {
-            shape: network.shape(),
-            parameters: of_layers.sum(),
+            shape,
+            parameters,
             window,
             powers,
+            experts,
             trained_on: metadata.trained_on.clone(),
             samples: [metadata.samples.0, metadata.samples.1],
             sampler: metadata.sampler.clone(),
@@ -77,6 +90,9 @@ impl fmt::Display for WeightsInfo {
             unit = "";
             let powers: Vec<_> = powers.iter().map(f64::to_string).collect();
             writeln!(f, "reads       means of the samples to the power {}", powers.join(", "))?;
+        }
+        if let Some(experts) = &self.experts {
+            writeln!(f, "weighs      the guard's experts {}", experts.join(", "))?;
         }
         writeln!(f, "trained on  {}, {first} to {last} samples{unit}", self.trained_on.join(", "))?;
         let Self { loss, epochs, seed, .. } = self;

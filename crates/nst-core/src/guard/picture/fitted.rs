@@ -9,8 +9,9 @@ use super::{
     },
     cells::{Cells, Held},
     layers::{EMITTED, Strip},
+    learned::GuardMlp,
     panel::Panel,
-    weights::{Gain, Weights},
+    weights::{Fit, Gain, Weights},
 };
 use crate::{Error, Estimates, Fitted, Grid, SequenceBatch, Status};
 
@@ -23,14 +24,36 @@ pub(super) struct FittedPicture<'a> {
 }
 
 impl<'a> FittedPicture<'a> {
-    /// With weights by the sums of each layer.
-    pub(super) fn new(panel: Panel<'a>, cells: &[Cells], notes: Vec<String>) -> Self {
-        let counts = [panel.names().len(), panel.names_of_emission().len()];
-        let fits = cells.iter().zip(counts);
-        let (weights, gains): (Vec<_>, Vec<_>) =
-            fits.map(|(cells, count)| Weights::fit(cells, count)).unzip();
+    /// With weights by the sums of each layer; a network may correct those of the reflected one.
+    pub(super) fn new(
+        panel: Panel<'a>,
+        cells: &[Cells],
+        network: Option<&GuardMlp>,
+        mut notes: Vec<String>,
+    ) -> Self {
+        let names = panel.names();
+        let samples = panel.counts.iter().sum();
+        let learned = network.map(|network| network.of(&names, samples, panel.unit)).transpose();
+        let mut left_out =
+            |why| notes.push(format!("left out: the network that weighs experts: {why}"));
+        let learned = learned.unwrap_or_else(|why| {
+            left_out(why);
+            None
+        });
+        let learned = [learned.as_ref(), None];
+        let fits = cells.iter().zip([names.len(), panel.names_of_emission().len()]).zip(learned);
+        let fits = fits.map(|((cells, count), learned)| Fit::new(cells, count, learned));
+        let (mut weights, mut gains, mut is_learned) = (Vec::new(), Vec::new(), false);
+        for fit in fits {
+            weights.push(fit.weights);
+            gains.push(fit.gain);
+            match fit.learned {
+                Ok(learned) => is_learned |= learned,
+                Err(why) => left_out(why),
+            }
+        }
         let mut fitted = Self { panel, weights, judgement: Judgement::default() };
-        fitted.judgement = fitted.judge(&gains, notes);
+        fitted.judgement = Judgement { learned: is_learned, ..fitted.judge(&gains, notes) };
         fitted
     }
 
@@ -45,7 +68,8 @@ impl<'a> FittedPicture<'a> {
         let trusted = gains.iter().flat_map(|gain| gain.trust).any(|trust| trust > 0.0);
         let (ratio, interval) = interval(&blocks, samples, trusted);
         let names = self.panel.names().into_iter().map(str::to_owned);
-        Judgement { experts: names.zip(gains[0].trust).collect(), ratio, interval, notes }
+        let experts = names.zip(gains[0].trust).collect();
+        Judgement { experts, ratio, interval, notes, learned: false }
     }
 
     /// Writes the estimates of the inner rows of a strip.

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use super::{
     super::{
-        lanes::Guard,
+        lanes::{FittedGuard, Guard},
         sample::GROUPS,
         seen::{STATISTICS, left_out},
     },
@@ -13,11 +13,13 @@ use super::{
     cost::{TILE, TimeLimit, tile},
     fitted::FittedPicture,
     layers::{FEATURES, Strip},
+    learned::GuardMlp,
     panel::{Failure, Panel},
     seen::PictureExpert,
     simplex::MOST,
+    training::TrainingTable,
 };
-use crate::{Error, Fitted, Requirements, Strips, Support, Transform, Whole};
+use crate::{Error, Fitted, Requirements, SequenceBatch, Strips, Support, Transform, Whole};
 
 /// Blends the plain estimate with experts that look at neighbours, and with the [`Guard`] of
 /// lanes, as far as samples that were held out support it. Without a [`Grid`](crate::Grid), it
@@ -27,6 +29,7 @@ pub struct PictureGuard {
     /// Whether the guard of lanes is one of the experts.
     blends_lane: bool,
     experts: Vec<Box<dyn PictureExpert>>,
+    network: Option<GuardMlp>,
     limit: TimeLimit,
 }
 
@@ -54,7 +57,8 @@ impl PictureGuard {
                 format!("{count} experts that look at neighbours; at most {most} can be blended");
             return Err(Error::Batch(message));
         }
-        Ok(Self { lane, blends_lane: true, experts, limit: TimeLimit::default() })
+        let limit = TimeLimit::default();
+        Ok(Self { lane, blends_lane: true, experts, network: None, limit })
     }
 
     /// The same without the blend of the guard of lanes.
@@ -63,11 +67,40 @@ impl PictureGuard {
         Self { blends_lane: false, ..self }
     }
 
+    /// The same with a network that corrects the weights of the reflected layer, where it knows the
+    /// experts and so many samples, and where nothing that was held out says that it loses.
+    #[must_use]
+    pub fn learned(self, network: GuardMlp) -> Self {
+        Self { network: Some(network), ..self }
+    }
+
     /// The same within a limit: where the experts would take longer for a large picture, by what they
     /// take for a tile, the guard of lanes goes on alone.
     #[must_use]
     pub fn within(self, limit: TimeLimit) -> Self {
         Self { limit, ..self }
+    }
+
+    /// All experts, and the pixels of a picture; the guard of lanes alone, if there is no picture.
+    fn panel<'a>(&'a self, lane: FittedGuard<'a>) -> Result<(Panel<'a>, usize), FittedGuard<'a>> {
+        let Some((counts, unit, pixels)) = lane.of_picture() else { return Err(lane) };
+        let experts = self.experts.iter().map(|expert| &**expert).collect();
+        Ok((Panel { lane, blends_lane: self.blends_lane, experts, counts, unit }, pixels))
+    }
+
+    /// What a network that corrects weights is trained with: its inputs and what experts change, in
+    /// a whole picture. The slots of the network are those of the experts, in their order.
+    ///
+    /// # Errors
+    /// [`Error::Batch`] if the batch is no picture with statistics of folds, those of experts, and
+    /// as for [`Transform::fit`].
+    pub fn training_table(&self, batch: &SequenceBatch) -> Result<TrainingTable, Error> {
+        let mut strips = Whole::new(batch);
+        let (panel, pixels) = self.panel(self.lane.measure(&mut strips)?).map_err(|_| {
+            Error::Batch("no picture with statistics of folds that can be held out".into())
+        })?;
+        let cells = self.measure(&panel, &mut strips, pixels)?.map_err(|failure| failure.error)?;
+        TrainingTable::new(&panel, &cells, batch)
     }
 
     /// How many rows beside a strip are read.
@@ -153,13 +186,11 @@ impl Transform for PictureGuard {
     }
 
     fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
-        let lane = self.lane.measure(strips)?;
-        let Some((counts, unit, pixels)) = lane.of_picture() else {
-            return Ok(Box::new(lane));
+        let (mut panel, pixels) = match self.panel(self.lane.measure(strips)?) {
+            Ok(panel) => panel,
+            Err(lane) => return Ok(Box::new(lane)),
         };
-        let mut notes = lane.judgement().notes.clone();
-        let experts = self.experts.iter().map(|expert| &**expert).collect();
-        let mut panel = Panel { lane, blends_lane: self.blends_lane, experts, counts, unit };
+        let mut notes = panel.lane.judgement().notes.clone();
         if pixels < LEAST_PIXELS {
             let names = self.names();
             notes.push(format!("left out: {names}, which {pixels} pixels are too few to measure"));
@@ -170,7 +201,10 @@ impl Transform for PictureGuard {
         }
         loop {
             match self.measure(&panel, strips, pixels)? {
-                Ok(cells) => return Ok(Box::new(FittedPicture::new(panel, &cells, notes))),
+                Ok(cells) => {
+                    let network = self.network.as_ref();
+                    return Ok(Box::new(FittedPicture::new(panel, &cells, network, notes)));
+                }
                 Err(Failure { expert, error }) => {
                     let expert = panel.experts.remove(expert);
                     notes.push(left_out(expert.name(), error));

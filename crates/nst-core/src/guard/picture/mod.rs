@@ -18,18 +18,24 @@
 mod cells;
 mod changes;
 mod cost;
+mod fits;
 mod fitted;
 mod guard;
 mod layers;
+mod learned;
 mod near;
 mod panel;
 mod seen;
 mod simplex;
+mod training;
 mod weights;
 
 pub use cost::TimeLimit;
 pub use guard::PictureGuard;
+pub use learned::GuardMlp;
+pub(crate) use learned::INPUTS;
 pub use seen::{PictureExpert, SeenFeature, SeenPicture};
+pub use training::TrainingTable;
 
 #[cfg(test)]
 mod tests;

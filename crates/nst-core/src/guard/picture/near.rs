@@ -2,10 +2,11 @@
 
 use super::cells::{Cells, Division, HALVES, KNOTS, Sums};
 
-/// σ of the distance, in pixels, up to which lanes are alike.
+/// σ of the distance, in pixels, up to which lanes are alike, and of a wider view.
 const DISTANCE: f64 = 8.0;
+const WIDE: f64 = 24.0;
 
-/// σ of the brightness, in knots: of what is near, and of the whole picture.
+/// σ of the brightness, in knots: of what is near, and of the whole picture or of much of it.
 const BRIGHTNESS: f64 = 0.7;
 const BRIGHTNESS_OF_ALL: f64 = 1.0;
 
@@ -36,17 +37,26 @@ pub(super) fn of_all(cells: &Cells) -> [[Sums; KNOTS]; HALVES] {
 /// The sums of the whole picture at each knot, smoothed.
 pub(super) fn over_brightness(sums: &[Sums; KNOTS]) -> [Sums; KNOTS] {
     let mut smooth = [Sums::default(); KNOTS];
-    along(&gaussian(BRIGHTNESS_OF_ALL), sums, &mut smooth);
+    along(&gaussian(BRIGHTNESS_OF_ALL), sums, &mut smooth, Sums::add);
+    smooth
+}
+
+/// The variance of S in cells of one half, `[knot]`, and their lanes, smoothed over brightness as
+/// what is near; b, too.
+pub(super) fn errors_over_brightness(sums: &[Sums]) -> [Sums; KNOTS] {
+    let mut smooth = [Sums::default(); KNOTS];
+    along(&gaussian(BRIGHTNESS), sums, &mut smooth, Sums::add_errors);
     smooth
 }
 
 /// Smooths sums over their knots; what falls beyond the ends is lost.
-fn along(kernel: &[f64], from: &[Sums], to: &mut [Sums]) {
+#[inline(always)]
+fn along(kernel: &[f64], from: &[Sums], to: &mut [Sums], add: impl Fn(&mut Sums, &Sums, f64)) {
     let reach = kernel.len() / 2;
     for (i, from) in from.iter().enumerate().filter(|(_, sums)| !sums.is_empty()) {
         for (k, share) in kernel.iter().enumerate() {
             if let Some(sums) = (i + k).checked_sub(reach).and_then(|i| to.get_mut(i)) {
-                sums.add(from, *share);
+                add(sums, from, *share);
             }
         }
     }
@@ -61,21 +71,40 @@ pub(super) struct Near<'a> {
 
 impl<'a> Near<'a> {
     pub(super) fn new(cells: &'a Cells) -> Self {
-        let of_distance = gaussian(DISTANCE / cells.division.size as f64);
-        Self { cells, of_distance, of_brightness: gaussian(BRIGHTNESS) }
+        Self::over(cells, DISTANCE, BRIGHTNESS)
+    }
+
+    /// Three times as far, of which [`Self::errors`] are asked.
+    pub(super) fn wide(cells: &'a Cells) -> Self {
+        Self::over(cells, WIDE, BRIGHTNESS_OF_ALL)
+    }
+
+    fn over(cells: &'a Cells, distance: f64, brightness: f64) -> Self {
+        let of_distance = gaussian(distance / cells.division.size as f64);
+        Self { cells, of_distance, of_brightness: gaussian(brightness) }
     }
 
     /// Writes the sums of a row of cells, `[column][half][knot]`.
     pub(super) fn row(&self, row: usize, out: &mut Vec<Sums>) {
+        self.smooth(row, out, Sums::add);
+    }
+
+    /// The same without A, which takes most of the time.
+    pub(super) fn errors(&self, row: usize, out: &mut Vec<Sums>) {
+        self.smooth(row, out, Sums::add_errors);
+    }
+
+    #[inline(always)]
+    fn smooth(&self, row: usize, out: &mut Vec<Sums>, add: impl Fn(&mut Sums, &Sums, f64) + Copy) {
         let Division { across, down, .. } = self.cells.division;
         let (of_row, of_cell) = (self.cells.division.of_row(), HALVES * KNOTS);
         let reach = self.of_distance.len() / 2;
         let clamp = |i: usize, k: usize, count: usize| (i + k).saturating_sub(reach).min(count - 1);
         let mut rows = vec![Sums::default(); of_row];
         for (k, share) in self.of_distance.iter().enumerate() {
-            let from = &self.cells.sums[clamp(row, k, down) * of_row..][..of_row];
+            let from = self.cells.row(clamp(row, k, down));
             let sums = rows.iter_mut().zip(from).filter(|(_, from)| !from.is_empty());
-            sums.for_each(|(sum, from)| sum.add(from, *share));
+            sums.for_each(|(sum, from)| add(sum, from, *share));
         }
         out.clear();
         out.resize(of_row, Sums::default());
@@ -85,10 +114,10 @@ impl<'a> Near<'a> {
             for (k, share) in self.of_distance.iter().enumerate() {
                 let from = &rows[clamp(column, k, across) * of_cell..][..of_cell];
                 let sums = cell.iter_mut().zip(from).filter(|(_, from)| !from.is_empty());
-                sums.for_each(|(sum, from)| sum.add(from, *share));
+                sums.for_each(|(sum, from)| add(sum, from, *share));
             }
             for (from, to) in cell.chunks_exact(KNOTS).zip(out.chunks_exact_mut(KNOTS)) {
-                along(&self.of_brightness, from, to);
+                along(&self.of_brightness, from, to, add);
             }
         }
     }

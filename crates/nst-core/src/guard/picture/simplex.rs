@@ -27,17 +27,31 @@ const fn place(row: usize, column: usize) -> usize {
 impl Moments {
     /// Adds d dᵀ to A.
     #[inline(always)]
-    pub(super) fn add_squares(&mut self, changes: &[f64; MOST]) {
-        for i in 0..MOST {
+    pub(super) fn add_squares<const N: usize>(&mut self, changes: &[f64; N]) {
+        for i in 0..N {
             for j in 0..=i {
                 self.a[place(i, j)] += changes[i] * changes[j];
             }
         }
     }
 
+    /// Adds b of others, of which the first experts have some.
+    #[inline(always)]
+    pub(super) fn add_b<const N: usize>(&mut self, other: &Self, share: f64) {
+        let numbers = self.b[..N].iter_mut().zip(&other.b[..N]);
+        numbers.for_each(|(sum, more)| *sum += share * more);
+    }
+
+    /// Adds A of others likewise.
+    #[inline(always)]
+    pub(super) fn add_a<const N: usize>(&mut self, other: &Self, share: f64) {
+        let numbers = self.a[..place(N, 0)].iter_mut().zip(&other.a[..place(N, 0)]);
+        numbers.for_each(|(sum, more)| *sum += share * more);
+    }
+
     /// Adds d (h − S) to b.
     #[inline(always)]
-    pub(super) fn add_products(&mut self, changes: &[f64; MOST], missing: f64) {
+    pub(super) fn add_products<const N: usize>(&mut self, changes: &[f64; N], missing: f64) {
         self.b.iter_mut().zip(changes).for_each(|(sum, change)| *sum += change * missing);
     }
 

@@ -6,8 +6,8 @@ use ndarray::Array2;
 
 use super::*;
 use crate::{
-    Error, Estimates, FOLDS, Grid, LaneSums, SequenceBatch, Side, Status, Strips, Support,
-    Transform, WelchFilter, Whole, guard::Guard, random::SplitMix64,
+    Error, Estimates, FOLDS, Grid, GuardNetwork, LaneSums, Layer, Metadata, SequenceBatch, Side,
+    Status, Strips, Support, Transform, WelchFilter, Whole, guard::Guard, random::SplitMix64,
 };
 
 const WIDTH: usize = 52;
@@ -333,15 +333,152 @@ fn in_strips(guard: &PictureGuard, batch: &SequenceBatch, step: usize) -> (Vec<u
 #[test]
 fn strips_and_threads_make_no_difference() {
     let batch = with_features(picture(grid(3), 8, 3));
-    let guard = guard(vec![Box::new(WelchFilter::default()), Box::new(Vertical)]);
-    let whole = in_strips(&guard, &batch, HEIGHT);
-    for step in [1, 7, 16] {
-        assert!(in_strips(&guard, &batch, step) == whole, "{step}");
+    let closed = || guard(vec![Box::new(WelchFilter::default()), Box::new(Vertical)]);
+    let learned = || closed().without_lane().learned(network("filter", 1.0));
+    for (guard, is_learned) in [(closed(), false), (learned(), true)] {
+        let whole = in_strips(&guard, &batch, HEIGHT);
+        assert!(whole.1.contains(&format!("learned: {is_learned}")), "{}", whole.1);
+        for step in [1, 7, 16] {
+            assert!(in_strips(&guard, &batch, step) == whole, "{step}");
+        }
+        let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
+        assert!(alone.install(|| in_strips(&guard, &batch, HEIGHT)) == whole);
+        // Another picture has other bits.
+        assert!(in_strips(&guard, &with_features(picture(grid(3), 8, 4)), HEIGHT) != whole);
     }
-    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
-    assert!(alone.install(|| in_strips(&guard, &batch, HEIGHT)) == whole);
-    // Another picture has other bits.
-    assert!(in_strips(&guard, &with_features(picture(grid(3), 8, 4)), HEIGHT) != whole);
+}
+
+/// A network for experts of this name and `vertical`, with any weights, which adds `more` to the
+/// output of the first.
+fn network(name: &str, more: f32) -> GuardMlp {
+    let mut random = SplitMix64(11);
+    let mut layer = |outputs: usize, inputs: usize| Layer {
+        weight: Array2::from_shape_fn((outputs, inputs), |_| random.uniform() as f32 - 0.5),
+        bias: vec![0.0; outputs].into(),
+    };
+    let mut layers = vec![layer(8, INPUTS), layer(2, 8)];
+    layers[1].bias[0] = more;
+    let metadata = Metadata {
+        window: INPUTS,
+        negative_slope: 0.01,
+        trained_on: Vec::new(),
+        samples: (8, 64),
+        sampler: None,
+        loss: String::new(),
+        epochs: 0,
+        seed: 0,
+        config: String::new(),
+    };
+    let experts = vec![name.to_owned(), "vertical".to_owned()];
+    let network = GuardNetwork::new(layers, metadata, experts, 0.02).expect("it fits");
+    GuardMlp::new(network).expect("two experts")
+}
+
+/// An expert that is right but for a tenth.
+fn nearly() -> Box<dyn PictureExpert> {
+    Box::new(Says(|grid: &Grid, lane, _| 1.1 * truth(grid, lane) as f32))
+}
+
+/// What a guard of these experts and a network says of a picture, and the errors of T and S.
+fn learned(
+    experts: Vec<Box<dyn PictureExpert>>,
+    network: GuardMlp,
+    samples: usize,
+) -> (bool, String, [f64; 2]) {
+    let guard = guard(experts).without_lane().learned(network);
+    let batch = picture(grid(3), samples, 8);
+    let fitted = guard.fit(&mut Whole::new(&batch)).expect("nothing fails");
+    let judgement = fitted.judgement().expect("it has judged");
+    (judgement.learned, judgement.notes.join("; "), errors(&guard, &batch).0)
+}
+
+#[test]
+fn a_network_corrects_weights_where_that_is_no_loss() {
+    let experts = || -> Vec<Box<dyn PictureExpert>> { vec![nearly(), Box::new(Vertical)] };
+    let closed = errors(&guard(experts()).without_lane(), &picture(grid(3), 16, 8)).0;
+    // One that is for the expert which is right, and one that is for the other.
+    let (used, notes, good) = learned(experts(), network("told", 5.0), 16);
+    assert!(used && notes.is_empty() && good != closed, "{notes}");
+    assert!(good[0] < closed[0] * 1.02 && closed[0] < 0.5 * closed[1], "{good:?} {closed:?}");
+    let (used, notes, bad) = learned(experts(), network("told", -9.0), 16);
+    assert!(!used && bad == closed, "{notes}");
+    assert_eq!(
+        notes,
+        "left out: the network that weighs experts: samples that were held out say \
+                       that it loses here"
+    );
+}
+
+#[test]
+fn a_network_knows_its_experts_and_its_samples() {
+    let (used, notes, _) = learned(vec![nearly()], network("filter", 0.0), 16);
+    assert!(!used && notes.contains("that weighs experts: it does not know 'told'"), "{notes}");
+    for (samples, known) in [(7, false), (8, true), (64, true), (65, false)] {
+        let (used, notes, _) = learned(vec![nearly()], network("told", 5.0), samples);
+        let said = notes.contains("that weighs experts: it knows 8 to 64 samples per pixel");
+        assert_eq!((used, said), (known, !known), "{samples}: {notes}");
+    }
+}
+
+/// The same picture in another unit, which is a power of 4, so that nothing is rounded.
+fn in_unit(unit: f32, batch: &SequenceBatch) -> SequenceBatch {
+    let scaled = |values: &[f32], by: f32| values.iter().map(|x| by * x).collect::<Vec<_>>();
+    let mut other = SequenceBatch::from_last(&scaled(batch.last(), unit), 16).expect("lanes");
+    other.set_grid(*batch.grid().expect("a picture")).expect("as many lanes");
+    for (side, values) in batch.sides() {
+        let by = match side {
+            Side::Fold(_) => unit,
+            Side::Root(_) => unit.sqrt(),
+            _ => unit * unit,
+        };
+        other.set_side(side.clone(), scaled(values, by)).expect("its lanes");
+    }
+    other
+}
+
+#[test]
+fn a_learned_guard_has_the_unit_of_its_samples() {
+    let guard = || {
+        let guard = guard(vec![Box::new(Vertical)]).without_lane();
+        guard.learned(network("told", 0.0))
+    };
+    let batch = picture(grid(3), 16, 9);
+    let values = errors(&guard(), &batch).1;
+    for unit in [4.0_f32.powi(-20), 4.0_f32.powi(20)] {
+        let scaled = errors(&guard(), &in_unit(unit, &batch)).1;
+        let expected: Vec<f32> = values.values().iter().map(|x| unit * x).collect();
+        assert_eq!(scaled.values(), expected, "{unit}");
+    }
+    assert!(values.values() != batch.last());
+}
+
+#[test]
+fn a_training_table_says_what_the_guard_does() {
+    let batch = with_features(picture(grid(3), 16, 4));
+    let guard = guard(vec![Box::new(Vertical)]).without_lane();
+    let table = guard.training_table(&batch).expect("nothing fails");
+    let (_, out) = errors(&guard, &batch);
+    assert_eq!(
+        (&table.experts[..], table.cell, table.samples),
+        (&["vertical".to_owned()][..], 8, 16)
+    );
+    let (mut worst, mut largest) = (0.0_f32, 0.0_f32);
+    for (i, t) in out.values().iter().enumerate() {
+        let (c, y, x) = (i / (WIDTH * HEIGHT), i / WIDTH % HEIGHT, i % WIDTH);
+        let change = table.changes[[0, c, y, x]];
+        let w = out.weights()[y * WIDTH + x];
+        worst = worst.max((table.rest[[c, y, x]] + w * change - t).abs());
+        largest = largest.max(change.abs());
+        assert!((0.0..19.0).contains(&table.places[[y, x]]));
+    }
+    assert!(worst < 1e-5 && largest > 0.1, "{worst} {largest}");
+    // Where a pixel is, the network reads something, and the halves say different things.
+    let (row, column, knot) = (2, 3, table.places[[20, 28]] as usize);
+    let of_cell = |half: usize| table.closed[[row, column, knot, half, 0]];
+    assert!((0.0..=1.0).contains(&of_cell(0)) && of_cell(0) != of_cell(1));
+    assert!((0..INPUTS).any(|i| table.inputs[[row, column, knot, 0, i]] != 0.0));
+    let lanes = SequenceBatch::from_last(batch.last(), 16).expect("lanes");
+    assert!(guard.training_table(&lanes).is_err());
 }
 
 /// What an expert has seen: how many samples, and the first mean, root, albedo and normal.

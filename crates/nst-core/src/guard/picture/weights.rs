@@ -1,22 +1,17 @@
-//! How far each expert is trusted, cell by cell, and what that gains.
-//!
-//! What is near fits best where experts differ from place to place, and what the whole picture
-//! says at a brightness has less noise, least where it weighs one expert alone. Weights of these
-//! three kinds are blended in turn, by brightness, as each half of the chessboard judges those that were fitted to the other (stacking: Wolpert,
-//! *Stacked Generalization*, Neural Networks 1992). Where none helps, S stays. What is used is the
-//! mean of what both halves say.
+//! How far each expert is trusted, cell by cell, and what that gains: [`Fits`], judged by the half
+//! of the chessboard that they were not fitted to. What is used is the mean of what both halves
+//! say.
 
 use rayon::prelude::*;
 
 use super::{
     super::hats::Place,
     cells::{Cells, Division, HALVES, KNOTS, Sums},
-    near::{Near, of_all, over_brightness},
-    simplex::{MOST, Moments},
+    fits::{Fits, OfCell},
+    learned::Learned,
+    simplex::MOST,
 };
-
-/// The weight of the whole picture at the same brightness, relative to what is near.
-const OF_ALL: f64 = 0.05;
+use crate::Error;
 
 /// The least variance of T in a cell, relative to that of S: what sums say below is noise.
 const LEAST_ERROR: f64 = 0.05;
@@ -42,56 +37,75 @@ pub(super) struct Gain {
     pub(super) trust: [f64; MOST],
 }
 
-/// Kinds of weights: near a cell, of the whole picture, and of the last expert alone there.
-const KINDS: usize = 3;
-
-/// What is fitted to a half of the whole picture at a brightness.
-#[derive(Clone, Copy)]
-struct Whole {
-    moments: Moments,
-    /// Those of the last two kinds.
-    weights: [[f64; MOST]; KINDS - 1],
+/// Weights, and what they gain.
+pub(super) struct Fit {
+    pub(super) weights: Weights,
+    pub(super) gain: Gain,
+    /// Whether a network has corrected them; or why the closed form is used instead of what it
+    /// says.
+    pub(super) learned: Result<bool, String>,
 }
 
-/// `[half][knot]`
-type Wholes = [[Whole; KNOTS]; HALVES];
+/// Standard errors of the difference by which a network must lose for the closed form to be used.
+const LOSES: f64 = 2.0;
 
-/// Weights of a cell, learnt from a half, `[half][knot]`.
-type OfCell = [[[f64; MOST]; KNOTS]; HALVES];
-
-impl Weights {
-    /// Fits weights of the first `count` experts to what one half says, and judges them by the
-    /// other.
-    pub(super) fn fit(cells: &Cells, count: usize) -> (Self, Gain) {
+impl Fit {
+    /// Fits weights of the first `count` experts to what one half says, lets a network correct
+    /// them, and judges both by the other half.
+    pub(super) fn new(cells: &Cells, count: usize, learned: Option<&Learned<'_>>) -> Self {
         let division = cells.division;
-        let whole: Wholes =
-            of_all(cells).map(|half| half.map(|sums| Whole::new(sums.moments, count)));
-        let near = Near::new(cells);
-        let own = |row: usize| &cells.sums[row * division.of_row()..][..division.of_row()];
-        let fits: Vec<RowFit> = (0..division.down)
+        let fits = Fits::new(cells, count);
+        let learned = learned.map(|learned| (learned, learned.inputs(&fits)));
+        let rows: (Vec<Row>, Vec<Option<Result<Row, Error>>>) = (0..division.down)
             .into_par_iter()
-            .map_init(Vec::new, |buffer, row| {
-                near.row(row, buffer);
-                RowFit::new(own(row), buffer, &whole, count)
+            .map_init(Vec::new, |near, row| {
+                fits.near(row, near);
+                let closed = [fits.by_both(row), fits.by_one(row)];
+                let of = |[used, judged]: &[Vec<OfCell>; 2]| {
+                    Row::new(cells.row(row), near, used, judged)
+                };
+                let corrected = learned.as_ref().map(|(learned, inputs)| {
+                    let mut numbers = inputs.row(row, near);
+                    let mut weights = |closed: &[OfCell]| {
+                        inputs.blend(&mut numbers, closed);
+                        learned.weights(&numbers, closed)
+                    };
+                    let [used, judged] = &closed;
+                    Ok(of(&[weights(used)?, weights(judged)?]))
+                });
+                (of(&closed), corrected)
             })
-            .collect();
-        let shares = Shares::new(&fits);
-        let rows: Vec<Row> = (0..division.down)
-            .into_par_iter()
-            .map_init(Vec::new, |buffer, row| {
-                near.row(row, buffer);
-                Row::new(own(row), buffer, &fits[row].weights, &whole, &shares)
-            })
-            .collect();
+            .unzip();
+        let (closed, corrected) = rows;
+        let closed = Self::of_rows(closed, division, Ok(false));
+        match corrected.into_iter().collect::<Option<Result<Vec<Row>, Error>>>() {
+            None => closed,
+            Some(Err(error)) => Self { learned: Err(error.to_string()), ..closed },
+            Some(Ok(rows)) => {
+                let corrected = Self::of_rows(rows, division, Ok(true));
+                match corrected.gain.loses_to(&closed.gain) {
+                    true => Self { learned: Err(LOST.to_owned()), ..closed },
+                    false => corrected,
+                }
+            }
+        }
+    }
+
+    fn of_rows(rows: Vec<Row>, division: Division, learned: Result<bool, String>) -> Self {
         let gain = Gain::new(&rows, division);
         let (mut weights, mut errors) = (Vec::new(), Vec::new());
         for row in rows {
             weights.extend(row.weights);
             errors.extend(row.errors);
         }
-        (Self { division, weights, errors }, gain)
+        Self { weights: Weights { division, weights, errors }, gain, learned }
     }
+}
 
+/// Why the closed form is used, where a network was judged.
+const LOST: &str = "samples that were held out say that it loses here";
+
+impl Weights {
     /// The weights of a pixel, and the variance that T has near it, relative to its lanes' number.
     #[inline(always)]
     pub(super) fn at(&self, x: usize, y: usize, place: Place) -> ([f32; MOST], f32) {
@@ -120,97 +134,6 @@ impl Weights {
     }
 }
 
-impl Whole {
-    fn new(moments: Moments, count: usize) -> Self {
-        let mut alone = [0.0; MOST];
-        if let Some(last) = count.checked_sub(1) {
-            alone[last] = moments.best_weight(last);
-        }
-        Self { moments, weights: [moments.best_weights(count), alone] }
-    }
-}
-
-/// Weights by what is near, of a row of cells.
-struct RowFit {
-    /// `[column]`
-    weights: Vec<OfCell>,
-    /// The kinds of weights as experts, by what a half says of those fitted to the other.
-    kinds: [[Sums; KNOTS]; HALVES],
-}
-
-/// Shares of the kinds of weights, then zeros, `[knot]`.
-type OfKinds = [[f64; MOST]; KNOTS];
-
-/// How the kinds of weights are blended.
-struct Shares {
-    /// By what both halves say of the weights fitted to the other.
-    both: OfKinds,
-    /// By what this half alone says, `[half]`. Weights learnt from a half with shares that it
-    /// said are judged by the other: the shares of both halves have seen what judges them.
-    one: [OfKinds; HALVES],
-}
-
-impl RowFit {
-    /// To the sums near a row of cells; `own` are those of the cells themselves.
-    fn new(own: &[Sums], near: &[Sums], whole: &Wholes, count: usize) -> Self {
-        let columns = near.len() / (HALVES * KNOTS);
-        let mut row = Self { weights: Vec::with_capacity(columns), kinds: Default::default() };
-        for column in 0..columns {
-            let mut weights = OfCell::default();
-            for half in 0..HALVES {
-                for knot in 0..KNOTS {
-                    let near = &near[Division::place(column, half, knot)];
-                    weights[half][knot] = best(near, &whole[half][knot], count);
-                }
-            }
-            for half in 0..HALVES {
-                for (knot, kinds) in row.kinds[half].iter_mut().enumerate() {
-                    let own = &own[Division::place(column, half, knot)];
-                    if !own.is_empty() {
-                        let [all, alone] = whole[1 - half][knot].weights;
-                        let of_kinds = [weights[1 - half][knot], all, alone];
-                        let moments = own.moments.of_blends(&of_kinds);
-                        kinds.add(&Sums { moments, ..*own }, 1.0);
-                    }
-                }
-            }
-            row.weights.push(weights);
-        }
-        row
-    }
-}
-
-impl Shares {
-    fn new(fits: &[RowFit]) -> Self {
-        let mut kinds = [[Sums::default(); KNOTS]; HALVES];
-        for fit in fits {
-            let sums = kinds.as_flattened_mut().iter_mut().zip(fit.kinds.as_flattened());
-            sums.for_each(|(sum, of_row)| sum.add(of_row, 1.0));
-        }
-        let best = |sums| over_brightness(sums).map(|sums| sums.moments.best_weights(KINDS));
-        let one = kinds.each_ref().map(best);
-        let [mut both, other] = kinds;
-        both.iter_mut().zip(&other).for_each(|(sum, other)| sum.add(other, 1.0));
-        Self { both: best(&both), one }
-    }
-}
-
-/// The weights of a cell: those of all kinds, blended.
-fn blended(near: &OfCell, whole: &Wholes, shares: [&OfKinds; HALVES]) -> OfCell {
-    let mut blend = OfCell::default();
-    for half in 0..HALVES {
-        for (knot, weights) in blend[half].iter_mut().enumerate() {
-            let [all, alone] = &whole[half][knot].weights;
-            for (of_kind, share) in
-                [&near[half][knot], all, alone].into_iter().zip(shares[half][knot])
-            {
-                weights.iter_mut().zip(of_kind).for_each(|(sum, w)| *sum += share * w);
-            }
-        }
-    }
-    blend
-}
-
 /// What one row of cells yields.
 struct Row {
     weights: Vec<[f32; MOST]>,
@@ -223,30 +146,23 @@ struct Row {
 }
 
 impl Row {
-    /// Of the sums of a row of cells themselves, and near them.
-    fn new(
-        own: &[Sums],
-        near: &[Sums],
-        fitted: &[OfCell],
-        whole: &Wholes,
-        shares: &Shares,
-    ) -> Self {
+    /// With weights that are used, and those that are judged, of the sums of a row of cells
+    /// themselves, and near them.
+    fn new(own: &[Sums], near: &[Sums], used: &[OfCell], judged: &[OfCell]) -> Self {
         let mut row = Self {
-            weights: Vec::with_capacity(fitted.len() * KNOTS),
-            errors: Vec::with_capacity(fitted.len() * KNOTS),
-            gains: Vec::with_capacity(fitted.len()),
+            weights: Vec::with_capacity(used.len() * KNOTS),
+            errors: Vec::with_capacity(used.len() * KNOTS),
+            gains: Vec::with_capacity(used.len()),
             trust: [0.0; MOST],
             count: 0.0,
         };
-        for (column, fitted) in fitted.iter().enumerate() {
-            let [one, other] = blended(fitted, whole, [&shares.both; HALVES]);
-            for (knot, (one, other)) in one.iter().zip(&other).enumerate() {
+        for (column, ([one, other], judged)) in used.iter().zip(judged).enumerate() {
+            for (knot, (one, other)) in one.iter().zip(other).enumerate() {
                 let w = std::array::from_fn(|expert| 0.5 * (one[expert] + other[expert]));
                 row.weights.push(w.map(|w| w as f32));
                 row.count(own, &w, column, knot);
             }
-            let weights = blended(fitted, whole, shares.one.each_ref());
-            row.judge(own, near, &weights, column);
+            row.judge(own, near, judged, column);
         }
         row
     }
@@ -281,20 +197,21 @@ impl Row {
     }
 }
 
-/// The weights of a cell, by what is near it and some of the whole picture's sums.
-fn best(near: &Sums, whole: &Whole, count: usize) -> [f64; MOST] {
-    let Whole { moments: of_all, weights: [prior, _] } = whole;
-    if near.moments.trace() <= 1e-9 * of_all.trace() {
-        return *prior;
-    }
-    let mut moments = near.moments;
-    let of_prior = of_all.times(prior);
-    moments.a.iter_mut().zip(&of_all.a).for_each(|(sum, all)| *sum += OF_ALL * all);
-    moments.b.iter_mut().zip(&of_prior).for_each(|(sum, all)| *sum += OF_ALL * all);
-    moments.best_weights(count)
-}
-
 impl Gain {
+    /// Whether these weights lose, or gain less than others by more than chance.
+    fn loses_to(&self, other: &Self) -> bool {
+        let total: f64 = self.blocks.iter().map(|block| block[0]).sum();
+        let pairs = self.blocks.iter().zip(&other.blocks);
+        let (mut loss, mut noise) = (0.0, 0.0);
+        for (own, other) in pairs {
+            let difference = own[0] - other[0];
+            loss += difference;
+            noise += difference * difference;
+        }
+        // A NaN is a loss.
+        !(total <= 0.0 && loss <= LOSES * noise.sqrt())
+    }
+
     fn new(rows: &[Row], division: Division) -> Self {
         let per_block = BLOCK.div_ceil(division.size);
         let across = division.across.div_ceil(per_block);
@@ -334,7 +251,7 @@ mod tests {
     #[test]
     fn one_half_says_how_much_the_other_may_change() {
         let place = super::super::cells::BRIGHTNESS.place(-0.1);
-        let (weights, gain) = Weights::fit(&cells([0.5, 0.25]), 1);
+        let Fit { weights, gain, .. } = Fit::new(&cells([0.5, 0.25]), 1, None);
         let w = f64::from(weights.at(13, 22, place).0[0]);
         // Of 0.25 and 0.5, the share 0.8 is best for both. The ridge takes a ten-thousandth off.
         assert!((w - 0.3).abs() < 1e-3, "{w}");
@@ -348,7 +265,7 @@ mod tests {
 
     #[test]
     fn what_loses_by_the_other_half_is_not_blended() {
-        let (weights, gain) = Weights::fit(&cells([0.9, -0.5]), 1);
+        let Fit { weights, gain, .. } = Fit::new(&cells([0.9, -0.5]), 1, None);
         assert_eq!(gain.trust, [0.0; MOST]);
         assert!(weights.weights.iter().all(|w| *w == [0.0; MOST]));
     }

@@ -10,7 +10,7 @@ use nst_core::{Estimates, FurtherPowers, SequenceBatch, guard::Judgement};
 
 use super::source::{Needs, Origin, Run};
 use crate::{
-    args::{BackendArg, CommonArgs, ExpertArg, TransformArg},
+    args::{BackendArg, CommonArgs, ExpertArg, GuardArg, TransformArg},
     error::Error,
     method::Method,
     results::check_name,
@@ -156,13 +156,21 @@ impl Methods {
         if !self.ready.contains_key(name) {
             let begin = Instant::now();
             let method = match choice {
-                Choice::Named(TransformArg::Auto) => {
-                    Method::auto(&[], &origin.sampler, self.backend, &self.common)?
-                }
+                Choice::Named(TransformArg::Auto) => Method::auto(
+                    &[],
+                    &GuardArg::Closed,
+                    &origin.sampler,
+                    self.backend,
+                    &self.common,
+                )?,
                 Choice::Named(named) => Method::named(*named, self.backend)?,
-                Choice::Experts(experts) => {
-                    Method::auto(experts, &origin.sampler, self.backend, &self.common)?
-                }
+                Choice::Experts(experts) => Method::auto(
+                    experts,
+                    &GuardArg::Closed,
+                    &origin.sampler,
+                    self.backend,
+                    &self.common,
+                )?,
                 Choice::Weights(path) => Method::of_file(path, self.backend)?,
             };
             let mut making = begin.elapsed();
