@@ -69,7 +69,7 @@ fn main() -> Result<(), Error> {
     let mut estimates = Estimates::default();
     fitted.apply(&batch, &mut estimates)?;
 
-    let Judgement { experts, ratio, interval: [low, high], notes } = fitted.judgement();
+    let Judgement { experts, ratio, interval: [low, high], notes, .. } = fitted.judgement();
     for (name, weight) in experts {
         println!("trusts {name} by {:.0} %", 100.0 * weight);
     }

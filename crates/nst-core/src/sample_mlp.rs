@@ -50,7 +50,7 @@ impl SampleMlp {
     /// [`Expert::estimate`].
     ///
     /// # Errors
-    /// As for [`MlpGpu::new`].
+    /// As for [`MlpGpu::new`](crate::gpu::MlpGpu::new).
     #[cfg(feature = "gpu")]
     pub fn on_gpu(
         name: impl Into<String>,

@@ -19,7 +19,7 @@ use super::{
     simplex::MOST,
     training::TrainingTable,
 };
-use crate::{Error, Fitted, Requirements, SequenceBatch, Strips, Support, Transform, Whole};
+use crate::{Error, FOLDS, Fitted, Requirements, SequenceBatch, Strips, Support, Transform, Whole};
 
 /// Blends the plain estimate with experts that look at neighbours, and with the [`Guard`] of
 /// lanes, as far as samples that were held out support it. Without a [`Grid`](crate::Grid), it
@@ -81,11 +81,10 @@ impl PictureGuard {
         Self { limit, ..self }
     }
 
-    /// All experts, and the pixels of a picture; the guard of lanes alone, if there is no picture.
-    fn panel<'a>(&'a self, lane: FittedGuard<'a>) -> Result<(Panel<'a>, usize), FittedGuard<'a>> {
-        let Some((counts, unit, pixels)) = lane.of_picture() else { return Err(lane) };
+    /// All experts, for a picture with so many samples in its folds, whose mean is `unit`.
+    fn panel<'a>(&'a self, lane: FittedGuard<'a>, counts: [f64; FOLDS], unit: f64) -> Panel<'a> {
         let experts = self.experts.iter().map(|expert| &**expert).collect();
-        Ok((Panel { lane, blends_lane: self.blends_lane, experts, counts, unit }, pixels))
+        Panel { lane, blends_lane: self.blends_lane, experts, counts, unit }
     }
 
     /// What a network that corrects weights is trained with: its inputs and what experts change, in
@@ -96,9 +95,11 @@ impl PictureGuard {
     /// as for [`Transform::fit`].
     pub fn training_table(&self, batch: &SequenceBatch) -> Result<TrainingTable, Error> {
         let mut strips = Whole::new(batch);
-        let (panel, pixels) = self.panel(self.lane.measure(&mut strips)?).map_err(|_| {
+        let lane = self.lane.measure(&mut strips)?;
+        let (counts, unit, pixels) = lane.of_picture().ok_or_else(|| {
             Error::Batch("no picture with statistics of folds that can be held out".into())
         })?;
+        let panel = self.panel(lane, counts, unit);
         let cells = self.measure(&panel, &mut strips, pixels)?.map_err(|failure| failure.error)?;
         TrainingTable::new(&panel, &cells, batch)
     }
@@ -186,11 +187,12 @@ impl Transform for PictureGuard {
     }
 
     fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
-        let (mut panel, pixels) = match self.panel(self.lane.measure(strips)?) {
-            Ok(panel) => panel,
-            Err(lane) => return Ok(Box::new(lane)),
+        let lane = self.lane.measure(strips)?;
+        let Some((counts, unit, pixels)) = lane.of_picture() else {
+            return Ok(Box::new(lane));
         };
-        let mut notes = panel.lane.judgement().notes.clone();
+        let mut notes = lane.judgement().notes.clone();
+        let mut panel = self.panel(lane, counts, unit);
         if pixels < LEAST_PIXELS {
             let names = self.names();
             notes.push(format!("left out: {names}, which {pixels} pixels are too few to measure"));

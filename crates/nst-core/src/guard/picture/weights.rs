@@ -5,7 +5,7 @@
 use rayon::prelude::*;
 
 use super::{
-    super::hats::Place,
+    super::{hats::Place, judge::interval},
     cells::{Cells, Division, HALVES, KNOTS, Sums},
     fits::{Fits, OfCell},
     learned::Learned,
@@ -46,15 +46,13 @@ pub(super) struct Fit {
     pub(super) learned: Result<bool, String>,
 }
 
-/// Standard errors of the difference by which a network must lose for the closed form to be used.
-const LOSES: f64 = 2.0;
-
 impl Fit {
     /// Fits weights of the first `count` experts to what one half says, lets a network correct
     /// them, and judges both by the other half.
     pub(super) fn new(cells: &Cells, count: usize, learned: Option<&Learned<'_>>) -> Self {
         let division = cells.division;
         let fits = Fits::new(cells, count);
+        let samples = learned.map_or(0.0, Learned::samples);
         let learned = learned.map(|learned| (learned, learned.inputs(&fits)));
         let rows: (Vec<Row>, Vec<Option<Result<Row, Error>>>) = (0..division.down)
             .into_par_iter()
@@ -83,7 +81,7 @@ impl Fit {
             Some(Err(error)) => Self { learned: Err(error.to_string()), ..closed },
             Some(Ok(rows)) => {
                 let corrected = Self::of_rows(rows, division, Ok(true));
-                match corrected.gain.loses_to(&closed.gain) {
+                match corrected.gain.loses_to(&closed.gain, samples) {
                     true => Self { learned: Err(LOST.to_owned()), ..closed },
                     false => corrected,
                 }
@@ -198,18 +196,14 @@ impl Row {
 }
 
 impl Gain {
-    /// Whether these weights lose, or gain less than others by more than chance.
-    fn loses_to(&self, other: &Self) -> bool {
-        let total: f64 = self.blocks.iter().map(|block| block[0]).sum();
+    /// Whether these weights lose, or gain less than others, by more than what is
+    /// [predicted](interval) may be off. No one gains more than all of S's errors.
+    fn loses_to(&self, other: &Self, samples: f64) -> bool {
         let pairs = self.blocks.iter().zip(&other.blocks);
-        let (mut loss, mut noise) = (0.0, 0.0);
-        for (own, other) in pairs {
-            let difference = own[0] - other[0];
-            loss += difference;
-            noise += difference * difference;
-        }
-        // A NaN is a loss.
-        !(total <= 0.0 && loss <= LOSES * noise.sqrt())
+        let beside: Vec<_> = pairs.map(|(own, other)| [own[0] - other[0], own[1]]).collect();
+        let plain = vec![[0.0, 1.0]; self.blocks.len()];
+        is_loss(&self.blocks, &plain, &self.blocks, samples)
+            || is_loss(&self.blocks, &other.blocks, &beside, samples)
     }
 
     fn new(rows: &[Row], division: Division) -> Self {
@@ -226,6 +220,15 @@ impl Gain {
         let trust = |expert: usize| rows.iter().map(|row| row.trust[expert]).sum::<f64>() / count;
         Self { blocks, trust: std::array::from_fn(trust) }
     }
+}
+
+/// Whether blocks lose to others, by what differs in them: changes of the sums of squared errors, and
+/// the variances of S.
+fn is_loss(own: &[[f64; 2]], other: &[[f64; 2]], differences: &[[f64; 2]], samples: f64) -> bool {
+    let [own, other] = [own, other].map(|blocks| interval(blocks, samples, true).0);
+    let (ratio, [_, high]) = interval(differences, samples, true);
+    // A NaN is a loss.
+    !(own - other <= high - ratio)
 }
 
 #[cfg(test)]
@@ -261,6 +264,27 @@ mod tests {
         let told: f64 = gain.blocks.iter().map(|block| block[0]).sum();
         assert!((told / changes - 1.0).abs() < 1e-3, "{told} {changes}");
         assert_eq!(gain.blocks.len(), 4);
+    }
+
+    #[test]
+    fn a_loss_is_more_than_chance() {
+        let is_loss = |changes: &[f64]| {
+            let blocks: Vec<_> = changes.iter().map(|change| [*change, 1.0]).collect();
+            is_loss(&blocks, &[[0.0, 1.0]], &blocks, 8.0)
+        };
+        assert!(is_loss(&[0.5, 0.4, 0.6, 0.5, 0.5]));
+        assert!(!is_loss(&[-0.5, -0.4, -0.6, -0.5, -0.5]));
+        // One of many blocks says nothing, nor do all that lose a little.
+        assert!(!is_loss(&[0.9, -0.1, 0.1, -0.1, 0.0]));
+        assert!(!is_loss(&[0.05; 8]));
+        assert!(is_loss(&[f64::NAN; 2]));
+    }
+
+    #[test]
+    fn nobody_gains_more_than_all() {
+        let gain = |change: f64| Gain { blocks: vec![[change, 1.0]; 40], trust: [0.0; MOST] };
+        assert!(gain(-0.5).loses_to(&gain(-0.9), 8.0) && !gain(-0.9).loses_to(&gain(-0.5), 8.0));
+        assert!(!gain(-1.0).loses_to(&gain(-1.4), 8.0) && gain(0.4).loses_to(&gain(0.5), 8.0));
     }
 
     #[test]

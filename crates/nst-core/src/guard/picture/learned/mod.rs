@@ -122,7 +122,7 @@ impl GuardMlp {
         if !(f64::from(least)..=f64::from(most)).contains(&samples) {
             return Err(format!("it knows {least} to {most} samples per pixel"));
         }
-        Ok(Learned { mlp: self, slots, unit })
+        Ok(Learned { mlp: self, slots, samples, unit })
     }
 }
 
@@ -130,10 +130,16 @@ impl GuardMlp {
 pub(super) struct Learned<'a> {
     mlp: &'a GuardMlp,
     slots: Vec<usize>,
+    samples: f64,
     unit: f64,
 }
 
 impl Learned<'_> {
+    /// How many samples each lane has.
+    pub(super) fn samples(&self) -> f64 {
+        self.samples
+    }
+
     /// What the network reads of these sums.
     pub(super) fn inputs<'a>(&'a self, fits: &'a Fits<'a>) -> Inputs<'a> {
         Inputs::new(fits, &self.slots, self.unit)
