@@ -227,8 +227,8 @@ impl Gain {
 fn is_loss(own: &[[f64; 2]], other: &[[f64; 2]], differences: &[[f64; 2]], samples: f64) -> bool {
     let [own, other] = [own, other].map(|blocks| interval(blocks, samples, true).0);
     let (ratio, [_, high]) = interval(differences, samples, true);
-    // A NaN is a loss.
-    !(own - other <= high - ratio)
+    let beyond = own - other - (high - ratio);
+    beyond > 0.0 || beyond.is_nan()
 }
 
 #[cfg(test)]
