@@ -277,6 +277,10 @@ fn odd_values_spoil_nothing() {
         dark.map(|error| f64::from(error * error)).sum::<f64>()
     };
     assert!(mse("") < 1.02 * mse("S"), "{}", mse("") / mse("S"));
+    // Nor does a network harm them that has never seen such a picture.
+    bench.succeed("transform packed.exr --guard learned -o y.exr");
+    assert!(!is_plain(&bench, "y.exr"));
+    assert!(mse("") < 1.02 * mse("S"), "{}", mse("") / mse("S"));
 }
 
 /// What cannot be an expert is refused, with the reason and what to do.

@@ -53,7 +53,11 @@ pub(crate) fn check_further(
     }
     let advice = match present {
         0 => advice(size, settings, available),
-        _ => "a rendering that is continued keeps its size and its features".into(),
+        _ => {
+            let terms = terms(size, settings, available);
+            let terms = terms.map_or_else(String::new, |terms| format!("{terms} would fit; "));
+            terms + "a rendering that is continued keeps its size and its features"
+        }
     };
     Err(Error::Memory { needed: gib(needed), available: gib(available), advice })
 }
@@ -66,24 +70,28 @@ fn advice(size: [u32; 2], settings: &RenderSettings, available: u128) -> String 
         let share = (pixels as f64 / (f64::from(size[0]) * f64::from(size[1]))).sqrt();
         size.map(|length| (f64::from(length) * share).floor() as u64)
     };
-    let least = RenderSettings { spp: 1, ..*settings };
     let mut ways = Vec::new();
     let [width, height] = fitting(settings);
     if width * height > 0 {
         ways.push(format!("{width}x{height} pixels"));
     }
-    if let Some(spare) = available.checked_sub(needed(size, &least)) {
-        ways.push(format!("{} stored terms of each pixel", 1 + spare / needed_per_term(size)));
-    }
+    ways.extend(terms(size, settings, available));
     let plain = RenderSettings { features: false, ..*settings };
     if settings.features && needed(size, &plain) <= available {
         ways.push("the same without features (as with --experts lane)".into());
     }
     if ways.is_empty() {
-        let [width, height] = fitting(&least);
+        let [width, height] = fitting(&RenderSettings { spp: 1, ..*settings });
         ways.push(format!("{width}x{height} pixels with one stored term each"));
     }
     ways.join(", or ") + " would fit"
+}
+
+/// How many terms would fit, if one does.
+fn terms(size: [u32; 2], settings: &RenderSettings, available: u128) -> Option<String> {
+    let least = RenderSettings { spp: 1, ..*settings };
+    let spare = available.checked_sub(needed(size, &least))?;
+    Some(format!("{} stored terms of each pixel", 1 + spare / needed_per_term(size)))
 }
 
 fn needed_per_term(size: [u32; 2]) -> u128 {

@@ -20,6 +20,10 @@ pub(super) const SLOTS: usize = 3;
 /// Weights of so many kinds come before those of the closed form.
 const BLEND: usize = 2;
 
+/// Below this knot, a hundredth of the picture's mean, one brightness is not told from another that
+/// is a million times it: there, the closed form stays.
+pub(super) const DARK: usize = 2;
+
 /// What two errors differ by at most, in the logarithm.
 const ERRORS: f64 = 6.0;
 const RELATIVE_ERRORS: [f64; 2] = [-8.0, 4.0];

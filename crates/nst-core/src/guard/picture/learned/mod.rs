@@ -5,7 +5,7 @@ mod inputs;
 use ndarray::{Array2, ArrayView2};
 
 pub(crate) use self::inputs::INPUTS;
-use self::inputs::SLOTS;
+use self::inputs::{DARK, SLOTS};
 pub(super) use self::inputs::{Input, Inputs};
 use super::{
     fits::{Fits, OfCell},
@@ -145,7 +145,8 @@ impl Learned<'_> {
         Inputs::new(fits, &self.slots, self.unit)
     }
 
-    /// The weights of a row of cells, `[column]`; those of the closed form where nothing is near.
+    /// The weights of a row of cells, `[column]`; those of the closed form in the dark, and where
+    /// nothing is near.
     ///
     /// # Errors
     /// Those of the GPU.
@@ -154,13 +155,14 @@ impl Learned<'_> {
         inputs: &[Input],
         closed: &[OfCell],
     ) -> Result<Vec<OfCell>, Error> {
+        let inputs: Vec<_> = inputs.iter().filter(|it| it.knot >= DARK).collect();
         let numbers =
             Array2::from_shape_fn((INPUTS, inputs.len()), |(i, at)| inputs[at].numbers[i]);
         let mut weights = closed.to_vec();
         let mut known: Vec<_> =
             inputs.iter().map(|it| weights[it.column][it.half][it.knot]).collect();
         self.mlp.correct(&self.slots, numbers.view(), &mut known)?;
-        for (Input { column, half, knot, .. }, corrected) in inputs.iter().zip(known) {
+        for (Input { column, half, knot, .. }, corrected) in inputs.into_iter().zip(known) {
             weights[*column][*half][*knot] = corrected;
         }
         Ok(weights)
