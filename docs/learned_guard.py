@@ -35,8 +35,8 @@ from neighbours import (
     errors,
     read,
 )
-from neighbours_random import MOST_NOISE
-from page import fill
+from neighbours_random import is_noisy
+from page import command
 
 PAGE = DOCS / "learned-guard.md"
 TABLE = DOCS / "learned-guard.csv"
@@ -99,10 +99,8 @@ def measure(folder: Path) -> None:
                 continue
             halves = [stacked(layers(path)).astype("f8") for path in sequence.references]
             plain = errors(stacked(layers(sequence.path)), halves)
-            noise = errors(sum(halves) / 2, [halves[0], halves[0]])
-            noisy = any(n > MOST_NOISE * error for n, error in zip(noise, plain, strict=True))
             # Those of the fifteen scenes are rendered with more samples, for docs/neighbours.csv, too.
-            if noisy and sequence.group != "scenes":
+            if sequence.group != "scenes" and is_noisy(halves, plain):
                 continue
             rows = []
             for method in methods:
@@ -219,22 +217,19 @@ def curve() -> list[str]:
     return lines
 
 
-def main(argv: list[str]) -> int:
-    if argv[:1] == ["--measure"] and len(argv) == 2:
-        measure(Path(argv[1]))
-        return 0
-    if argv not in ([], ["--check"]):
-        print(__doc__)
-        return 2
+def blocks() -> dict[str, list[str]]:
     rows = read(TABLE)
     pictures = by_picture(rows)
-    blocks = {
+    return {
         "summary": summary(pictures),
         "by samples": by_samples(pictures),
         "told": told(rows),
         "curve": curve(),
     }
-    return fill(PAGE, blocks, __file__, check=argv == ["--check"])
+
+
+def main(argv: list[str]) -> int:
+    return command(argv, __file__, __doc__, PAGE, measure, blocks)
 
 
 if __name__ == "__main__":

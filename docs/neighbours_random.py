@@ -14,9 +14,13 @@ import csv
 import sys
 from pathlib import Path
 from statistics import geometric_mean
+from typing import TYPE_CHECKING
 
 from neighbours import DOCS, METRICS, PAGE, errors, estimated, read
-from page import fill
+from page import command
+
+if TYPE_CHECKING:
+    import numpy as np
 
 TABLE = DOCS / "neighbours-random.csv"
 COLUMNS = ["scene", "spp", "method", *METRICS]
@@ -47,14 +51,19 @@ def measure(folder: Path) -> None:
                 continue
             halves = list(picture.halves())
             plain = errors(stacked(layers(picture.sequence)), halves)
-            noise = errors(sum(halves) / 2, [halves[0], halves[0]])
-            if any(n > MOST_NOISE * error for n, error in zip(noise, plain, strict=True)):
+            if is_noisy(halves, plain):
                 continue
             for method in lists:
                 of_method = errors(estimated(picture.sequence, method)[0], halves)
                 ratios = (f"{t / s:.4g}" for t, s in zip(of_method, plain, strict=True))
                 writer.writerow([picture.scene, picture.spp, method, *ratios])
                 file.flush()
+
+
+def is_noisy(halves: list["np.ndarray"], plain: list[float]) -> bool:
+    """Whether the mean of a reference's halves has too much noise to judge by, beside S's errors."""
+    noise = errors(sum(halves) / 2, [halves[0], halves[0]])
+    return any(n > MOST_NOISE * error for n, error in zip(noise, plain, strict=True))
 
 
 def table(rows: list[dict[str, str]]) -> list[str]:
@@ -80,13 +89,7 @@ def table(rows: list[dict[str, str]]) -> list[str]:
 
 
 def main(argv: list[str]) -> int:
-    if argv[:1] == ["--measure"] and len(argv) == 2:
-        measure(Path(argv[1]))
-        return 0
-    if argv not in ([], ["--check"]):
-        print(__doc__)
-        return 2
-    return fill(PAGE, {"random": table(read(TABLE))}, __file__, check=argv == ["--check"])
+    return command(argv, __file__, __doc__, PAGE, measure, lambda: {"random": table(read(TABLE))})
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Tables in the pages of this folder: each stands between `<!-- NAME -->` and `<!-- end of NAME -->`."""
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 
@@ -15,6 +16,24 @@ def filled(page: Path, blocks: dict[str, list[str]]) -> str:
             sys.exit(f"{page}: lacks the block {name}")
         text = before + begin + "\n".join(lines) + "\n" + end + after
     return text
+
+
+def command(
+    argv: list[str],
+    script: str,
+    doc: str,
+    page: Path,
+    measure: Callable[[Path], None],
+    blocks: Callable[[], dict[str, list[str]]],
+) -> int:
+    """Does what `--measure FOLDER`, `--check` or no argument asks of a script: the exit code."""
+    if argv[:1] == ["--measure"] and len(argv) == 2:
+        measure(Path(argv[1]))
+        return 0
+    if argv not in ([], ["--check"]):
+        print(doc)
+        return 2
+    return fill(page, blocks(), script, check=argv == ["--check"])
 
 
 def fill(page: Path, blocks: dict[str, list[str]], script: str, check: bool) -> int:

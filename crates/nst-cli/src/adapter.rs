@@ -37,6 +37,20 @@ impl Adapter {
         Opening { adapter: self.clone(), begin: Instant::now() }
     }
 
+    /// What `open` makes on a GPU, which it names.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn open<T>(
+        &self,
+        open: impl FnOnce() -> Result<(String, T), Error>,
+    ) -> Result<T, crate::error::Error> {
+        let opening = self.opens();
+        let opened = caught(open);
+        drop(opening);
+        let (name, opened) = opened.map_err(crate::error::Error::Gpu)?;
+        self.set(Some(name));
+        Ok(opened)
+    }
+
     /// How long it took to open a GPU, or to find none; waits until that is done. `None` if
     /// nobody tries.
     pub(crate) fn opening(&self) -> Option<Duration> {

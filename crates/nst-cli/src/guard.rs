@@ -10,8 +10,6 @@ use nst_core::{
     },
 };
 
-#[cfg(feature = "gpu")]
-use crate::adapter::caught;
 use crate::{
     adapter::Adapter,
     args::{BackendArg, CommonArgs, ExpertArg, GuardArg},
@@ -256,15 +254,10 @@ fn weighing(
     if backend != BackendArg::Gpu {
         return Ok(GuardMlp::new(network)?);
     }
-    let opening = adapter.opens();
-    let opened = caught(|| {
+    adapter.open(|| {
         let gpu = Gpu::open(AdapterKind::Any)?;
         Ok((gpu.name().to_owned(), GuardMlp::on_gpu(network, &gpu)?))
-    });
-    drop(opening);
-    let (name, mlp) = opened.map_err(Error::Gpu)?;
-    adapter.set(Some(name));
-    Ok(mlp)
+    })
 }
 
 #[cfg(not(feature = "gpu"))]

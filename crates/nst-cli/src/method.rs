@@ -287,31 +287,19 @@ fn open(kind: AdapterKind, network: Arc<Network>) -> Result<(String, MlpGpu), ns
 /// A network on a GPU, or an error.
 #[cfg(feature = "gpu")]
 fn on_gpu(network: Arc<Network>, adapter: &Adapter) -> Result<Box<dyn Transform>, Error> {
-    opened(adapter, || open(AdapterKind::Any, network))
+    let mlp = adapter.open(|| open(AdapterKind::Any, network))?;
+    Ok(Box::new(mlp))
 }
 
 /// The filter on a GPU, or an error.
 #[cfg(feature = "gpu")]
 fn filter_on_gpu(adapter: &Adapter) -> Result<Box<dyn Transform>, Error> {
-    opened(adapter, || {
+    let filter = adapter.open(|| {
         let gpu = Gpu::open(AdapterKind::Any)?;
         let name = gpu.name().to_owned();
         FilterGpu::new(gpu).map(|filter| (name, filter))
-    })
-}
-
-/// What `open` opens on a GPU, which it names.
-#[cfg(feature = "gpu")]
-fn opened<T: Transform + 'static>(
-    adapter: &Adapter,
-    open: impl FnOnce() -> Result<(String, T), nst_core::Error>,
-) -> Result<Box<dyn Transform>, Error> {
-    let opening = adapter.opens();
-    let opened = caught(open);
-    drop(opening);
-    let (name, transform) = opened.map_err(Error::Gpu)?;
-    adapter.set(Some(name));
-    Ok(Box::new(transform))
+    })?;
+    Ok(Box::new(filter))
 }
 
 /// A network on a GPU if there is one, else on the CPU.

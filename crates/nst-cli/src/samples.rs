@@ -4,8 +4,6 @@
 use nst_core::gpu::{AdapterKind, Gpu};
 use nst_core::{FOLDS, Power, Requirements, SampleMlp, SampleNetwork, Side};
 
-#[cfg(feature = "gpu")]
-use crate::adapter::caught;
 use crate::{adapter::Adapter, args::BackendArg, error::Error};
 
 /// A network with its layers where the command line wants them.
@@ -24,16 +22,11 @@ pub(crate) fn evaluated(
 
 #[cfg(feature = "gpu")]
 fn on_gpu(name: String, network: SampleNetwork, adapter: &Adapter) -> Result<SampleMlp, Error> {
-    let opening = adapter.opens();
-    let opened = caught(|| {
+    adapter.open(|| {
         let gpu = Gpu::open(AdapterKind::Any)?;
         let gpu_name = gpu.name().to_owned();
         Ok((gpu_name, SampleMlp::on_gpu(name, network, gpu)?))
-    });
-    drop(opening);
-    let (gpu_name, mlp) = opened.map_err(Error::Gpu)?;
-    adapter.set(Some(gpu_name));
-    Ok(mlp)
+    })
 }
 
 #[cfg(not(feature = "gpu"))]

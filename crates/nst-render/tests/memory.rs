@@ -2,8 +2,11 @@
 //! is the only test of its binary, so that nothing else moves the mark.
 #![cfg(target_os = "linux")]
 
+mod common;
+
 use std::path::Path;
 
+use common::peak;
 use nst_core::{FOLDS, FurtherPowers, Keep};
 use nst_files::{
     ColorModel,
@@ -13,14 +16,6 @@ use nst_files::{
 use nst_render::{RenderSettings, SamplerKind, Scene, render};
 
 const SIZE: [u32; 2] = [1024, 1024];
-
-/// The largest resident set so far, in bytes.
-fn peak() -> u64 {
-    let status = std::fs::read_to_string("/proc/self/status").expect("Linux");
-    let line = status.lines().find(|line| line.starts_with("VmHWM:")).expect("the mark");
-    let kibibytes = line.split_whitespace().nth(1).and_then(|n| n.parse::<u64>().ok());
-    kibibytes.expect("a number") * 1024
-}
 
 /// Renders, and writes the sequence to a file.
 fn render_and_store(scene: &Scene, spp: u32, keep: Keep) {

@@ -2,21 +2,16 @@
 //! is the only test of its binary, so that nothing else moves the mark.
 #![cfg(target_os = "linux")]
 
+mod common;
+
 use std::path::Path;
 
+use common::peak;
 use ndarray::Array2;
 use nst_core::{
     FOLDS, FeatureSums, FurtherPowers, Grid, Keep, LaneSums, PowerSums, SampleSums, SequenceBatch,
 };
 use nst_render::{Control, RenderSettings, SamplerKind, Scene, Start, render_from};
-
-/// The largest resident set so far, in bytes.
-fn peak() -> usize {
-    let status = std::fs::read_to_string("/proc/self/status").expect("Linux");
-    let line = status.lines().find(|line| line.starts_with("VmHWM:")).expect("the mark");
-    let kibibytes = line.split_whitespace().nth(1).and_then(|n| n.parse::<usize>().ok());
-    kibibytes.expect("a number") * 1024
-}
 
 /// A rendering of so many samples, of numbers that are not zero: zeros may take no memory.
 fn start(settings: &RenderSettings, samples: u32, [width, height]: [u32; 2]) -> Start {
@@ -43,7 +38,7 @@ fn nothing_is_in_memory_twice() {
     let mut scene = Scene { max_depth: 1, ..Scene::load(&path).expect("the scene") };
     // For the code itself, rows of tiles on their way, and for each thread its paths.
     let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let more = (24 + 2 * threads) << 20;
+    let more = (24 + 2 * threads as u64) << 20;
     let before = peak();
     // The mark never falls: the second takes more than the first.
     for (size, samples, keep, features) in
@@ -65,7 +60,7 @@ fn nothing_is_in_memory_twice() {
         assert_eq!(rendering.samples(), spp);
         let terms = rendering.sample_counts().len();
         let of_pixel = 3 * (4 * terms + 8 * 3 * FOLDS) + if features { 8 * 37 } else { 0 };
-        let (peak, held) = (peak() - before, of_pixel * (size[0] * size[1]) as usize);
+        let (peak, held) = (peak() - before, (of_pixel * (size[0] * size[1]) as usize) as u64);
         println!("{} MiB, of which {} are held", peak >> 20, held >> 20);
         assert!((held..held + more).contains(&peak), "{peak} bytes, not {held} and {more} more");
     }
