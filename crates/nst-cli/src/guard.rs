@@ -48,7 +48,7 @@ const DEFAULT: [ExpertArg; 2] = [ExpertArg::Lane, ExpertArg::Filter];
 /// [`Error::Usage`] says which expert cannot be one, and why.
 pub(crate) fn guard(
     list: &[ExpertArg],
-    weighs: &GuardArg,
+    weighs: Option<&GuardArg>,
     sampler: &str,
     backend: BackendArg,
     adapter: &Adapter,
@@ -60,7 +60,7 @@ pub(crate) fn guard(
     let Experts { lanes, of_pictures, guard, missing } =
         Experts::of(named, backend, adapter, common)?;
     let guarded = |transform| Guarded { transform, missing, limit };
-    if of_pictures.is_empty() && *weighs != GuardArg::Closed {
+    if of_pictures.is_empty() && matches!(weighs, Some(GuardArg::Learned | GuardArg::Weights(_))) {
         return Err(Error::Usage(
             "--guard: a network weighs experts that look at neighbours; add 'filter' or 'oidn' to \
              --experts"
@@ -114,11 +114,11 @@ fn over_pictures(
 }
 
 /// The network that weighs experts, if one does.
-fn network(weighs: &GuardArg) -> Result<Option<GuardNetwork>, Error> {
+fn network(weighs: Option<&GuardArg>) -> Result<Option<GuardNetwork>, Error> {
     match weighs {
-        GuardArg::Closed => Ok(None),
-        GuardArg::Learned => builtin_of_guard().map(Some),
-        GuardArg::Weights(path) => guard_network_of(path).map(Some),
+        Some(GuardArg::Closed) => Ok(None),
+        Some(GuardArg::Learned) | None => builtin_of_guard().map(Some),
+        Some(GuardArg::Weights(path)) => guard_network_of(path).map(Some),
     }
 }
 

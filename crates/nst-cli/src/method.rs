@@ -72,10 +72,10 @@ impl Method {
         match (&args.weights, args.transform) {
             (Some(path), _) => Self::of_file(path, args.backend),
             (None, TransformArg::Auto) => {
-                Self::auto(&args.experts, &args.guard, sampler, args.backend, common)
+                Self::auto(&args.experts, args.guard.as_ref(), sampler, args.backend, common)
             }
             (None, named) if !args.experts.is_empty() => Err(not_auto("--experts", named)),
-            (None, named) if args.guard != GuardArg::Closed => Err(not_auto("--guard", named)),
+            (None, named) if args.guard.is_some() => Err(not_auto("--guard", named)),
             (None, named) => Self::named(named, args.backend),
         }
     }
@@ -98,7 +98,7 @@ impl Method {
     /// The guard, over these experts.
     pub(crate) fn auto(
         experts: &[ExpertArg],
-        weighs: &GuardArg,
+        weighs: Option<&GuardArg>,
         sampler: &str,
         backend: BackendArg,
         common: &CommonArgs,
@@ -121,9 +121,7 @@ impl Method {
     /// The method of a name; `auto` with the experts that it has by default, for independent folds.
     pub(crate) fn named(transform: TransformArg, backend: BackendArg) -> Result<Self, Error> {
         match transform {
-            TransformArg::Auto => {
-                Self::auto(&[], &GuardArg::default(), "", backend, &CommonArgs::default())
-            }
+            TransformArg::Auto => Self::auto(&[], None, "", backend, &CommonArgs::default()),
             TransformArg::None => Ok(Self::on_cpu("none", AS_ASKED, Box::new(Identity))),
             TransformArg::Method(FILTER) if backend == BackendArg::Gpu => {
                 let adapter = Adapter::default();
@@ -206,7 +204,8 @@ impl Method {
         let all = has(ExpertArg::All);
         let chosen = has(ExpertArg::Oidn) || (all && self.missing.is_none());
         let chosen = chosen.then_some("'oidn' chooses its device itself");
-        let stays = has(ExpertArg::Filter) || all;
+        let is_auto = args.weights.is_none() && args.transform == TransformArg::Auto;
+        let stays = has(ExpertArg::Filter) || all || (is_auto && args.experts.is_empty());
         let stays = stays.then_some("the expert 'filter' stays on the CPU");
         // Such an expert has no part in what `backend` says.
         let others = match self.adapter() {

@@ -9,7 +9,11 @@ use std::{
 use nst_core::{Error as CoreError, Estimates, SequenceBatch, Status, Strips, guard::Judgement};
 use serde::Serialize;
 
-use crate::{method::Method, words::list};
+use crate::{
+    args::{CLOSED, LEARNED},
+    method::Method,
+    words::list,
+};
 
 /// The times and counts of a job.
 #[derive(Debug, Serialize)]
@@ -92,10 +96,8 @@ pub(crate) fn why_kept(judgement: &Judgement) -> Option<String> {
 
 /// What weighs experts, as `--guard` calls it.
 pub(crate) fn weighed_by(judgement: &Judgement) -> &'static str {
-    if judgement.learned { LEARNED } else { "closed" }
+    if judgement.learned { LEARNED } else { CLOSED }
 }
-
-const LEARNED: &str = "learned";
 
 /// A rendering's part of the summary.
 pub(crate) struct RenderStats {

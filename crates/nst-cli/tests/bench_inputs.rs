@@ -265,7 +265,7 @@ fn pictures_stay_when_a_bench_goes_on() {
 }
 
 /// Folds of one Halton sequence depend on each other: the plain estimates stay, and their errors.
-/// A list of experts has a column of its own, which is measured by the same guard.
+/// A list of experts has rows of its own, which is measured by the same guard.
 #[test]
 fn a_bench_of_the_guard() {
     let bench = Bench::new();
@@ -306,6 +306,12 @@ fn a_bench_of_the_guard() {
         let named = cell(&rows, "auto: lane + filter", column);
         assert_eq!(named, cell(&rows, "auto", column), "{column}: these are the default");
     }
+    // So has what weighs them.
+    let closed = format!("{random} --experts lane,filter --guard closed --quiet");
+    succeed(&bench, &closed);
+    let rows = table(&bench, "t.csv");
+    let name = "auto: lane + filter (closed)";
+    assert_ne!(cell(&rows, name, "mse"), cell(&rows, "auto", "mse"));
     let predicted = cell(&rows, "auto: lane + filter", "predicted_ratio");
     let seed = cell(&rows, "none", "seed");
     let render = format!("render --scene {} --size 40x30 --spp 8 --seed {seed}", cornell());

@@ -306,7 +306,8 @@ fn bad_input() {
 fn a_backend_without_effect() {
     let bench = Bench::new();
     let words = "--backend gpu: nothing of 'auto' runs on a GPU";
-    let said = report(&bench, &render("--spp 8 --sequence s.exr -o x.exr --backend gpu"));
+    let said =
+        report(&bench, &render("--spp 8 --sequence s.exr -o x.exr --backend gpu --experts lane"));
     assert!(notes(&said).contains(words), "{said}");
     let said = report(&bench, "transform s.exr --transform gmon --backend gpu -o y.exr");
     assert!(notes(&said).contains("nothing of 'gmon'"), "{said}");

@@ -6,7 +6,7 @@ use clap::Subcommand;
 
 use super::{
     common::CommonArgs,
-    method::{BackendArg, ExpertArg, TransformArg, expert, transform},
+    method::{BackendArg, ExpertArg, GuardArg, TransformArg, expert, guard, transform},
     picture::{NamedPicture, named_picture},
     render::{PixelArg, SamplerArg},
     values::{count, ending_in, seed, size},
@@ -79,6 +79,10 @@ pub(crate) struct BenchSceneArgs {
     /// several lists. [default: lane,filter, however long the filter takes]
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = expert)]
     pub(crate) experts: Vec<ExpertArg>,
+    /// What weighs experts of `auto` that look at neighbours: `closed`, `learned`, or the network of a
+    /// safetensors file; the table calls it `auto (closed)` and so on. [default: learned]
+    #[arg(long, value_name = "HOW", value_parser = guard)]
+    pub(crate) guard: Option<GuardArg>,
     /// Also measure networks of these safetensors files, under the names of the files. A bench
     /// that goes on measures them anew, as they may have changed.
     #[arg(long, value_name = "FILE", num_args = 1..)]

@@ -28,9 +28,10 @@ pub(crate) struct MethodArgs {
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = expert, conflicts_with = "weights")]
     pub(crate) experts: Vec<ExpertArg>,
     /// What weighs experts that look at neighbours: `closed`, a formula over samples that were held
-    /// out; or `learned`, a network that corrects it, or that of a safetensors file.
-    #[arg(long, value_name = "HOW", default_value = "closed", value_parser = guard, conflicts_with = "weights")]
-    pub(crate) guard: GuardArg,
+    /// out; or `learned`, a network that corrects it where it knows better, or that of a safetensors
+    /// file. [default: learned]
+    #[arg(long, value_name = "HOW", value_parser = guard, conflicts_with = "weights")]
+    pub(crate) guard: Option<GuardArg>,
     /// Use the network of this safetensors file.
     #[arg(long, value_name = "FILE", conflicts_with = "transform")]
     pub(crate) weights: Option<PathBuf>,
@@ -68,14 +69,34 @@ pub(crate) enum TransformArg {
 }
 
 /// What weighs the guard's experts.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum GuardArg {
-    #[default]
+    /// The closed form.
     Closed,
     /// The built-in network.
     Learned,
     /// The network of a file.
     Weights(PathBuf),
+}
+
+impl GuardArg {
+    /// The file that it is read from.
+    pub(crate) fn file(&self) -> Option<&PathBuf> {
+        match self {
+            Self::Weights(path) => Some(path),
+            Self::Closed | Self::Learned => None,
+        }
+    }
+}
+
+impl fmt::Display for GuardArg {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Closed => f.write_str(CLOSED),
+            Self::Learned => f.write_str(LEARNED),
+            Self::Weights(path) => path.display().fmt(f),
+        }
+    }
 }
 
 /// What the guard may blend.
@@ -123,10 +144,7 @@ impl fmt::Display for ExpertArg {
 impl MethodArgs {
     /// The files that are read for the method.
     pub(crate) fn files(&self) -> impl Iterator<Item = &PathBuf> {
-        let of_guard = match &self.guard {
-            GuardArg::Weights(path) => Some(path),
-            GuardArg::Closed | GuardArg::Learned => None,
-        };
+        let of_guard = self.guard.as_ref().and_then(GuardArg::file);
         let experts = self.experts.iter().filter_map(ExpertArg::file);
         self.weights.iter().chain(experts).chain(of_guard)
     }
@@ -141,14 +159,18 @@ const LANE: &str = "lane";
 /// What the filter is called, here and in [`METHODS`].
 pub(crate) const FILTER: &str = "filter";
 
+/// What a formula is called that weighs experts, and what the built-in network.
+pub(crate) const CLOSED: &str = "closed";
+pub(crate) const LEARNED: &str = "learned";
+
 /// Takes what weighs experts.
-fn guard(text: &str) -> Result<GuardArg, String> {
+pub(super) fn guard(text: &str) -> Result<GuardArg, String> {
     let path = Path::new(text);
     match text {
-        "closed" => Ok(GuardArg::Closed),
-        "learned" => Ok(GuardArg::Learned),
+        CLOSED => Ok(GuardArg::Closed),
+        LEARNED => Ok(GuardArg::Learned),
         _ if has_extension(path, "safetensors") => Ok(GuardArg::Weights(path.to_owned())),
-        _ => Err("it is closed, learned, or FILE.safetensors".to_owned()),
+        _ => Err(format!("it is {CLOSED}, {LEARNED}, or FILE.safetensors")),
     }
 }
 

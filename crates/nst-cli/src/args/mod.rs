@@ -20,7 +20,9 @@ use clap::{Parser, Subcommand};
 pub(crate) use bench::{Bench, BenchArgs, BenchSceneArgs, BenchStabilityArgs};
 pub(crate) use chart::ChartArgs;
 pub(crate) use common::CommonArgs;
-pub(crate) use method::{BackendArg, ExpertArg, FILTER, GuardArg, MethodArgs, TransformArg};
+pub(crate) use method::{
+    BackendArg, CLOSED, ExpertArg, FILTER, GuardArg, LEARNED, MethodArgs, TransformArg,
+};
 use method::{builtin_name, expert};
 pub(crate) use pack::{PackArgs, PackAs};
 pub(crate) use picture::NamedPicture;

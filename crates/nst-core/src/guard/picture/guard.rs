@@ -204,7 +204,8 @@ impl Transform for PictureGuard {
         loop {
             match self.measure(&panel, strips, pixels)? {
                 Ok(cells) => {
-                    let network = self.network.as_ref();
+                    // It has only seen lists with such experts.
+                    let network = self.network.as_ref().filter(|_| !panel.experts.is_empty());
                     return Ok(Box::new(FittedPicture::new(panel, &cells, network, notes)));
                 }
                 Err(Failure { expert, error }) => {

@@ -35,8 +35,8 @@ pub(super) struct Methods {
 #[derive(Clone)]
 enum Choice {
     Named(TransformArg),
-    /// The guard, with other experts than its own.
-    Experts(Vec<ExpertArg>),
+    /// The guard, with these experts, or its own if there are none, and what weighs them.
+    Guard(Vec<ExpertArg>, Option<GuardArg>),
     Weights(PathBuf),
 }
 
@@ -89,13 +89,14 @@ impl Methods {
         asked: &[TransformArg],
         weights: &[PathBuf],
         experts: &[ExpertArg],
+        guard: Option<&GuardArg>,
         backend: BackendArg,
         common: &CommonArgs,
     ) -> Result<Self, Error> {
         let mut names: Vec<(String, Choice)> = Vec::new();
         for &transform in [TransformArg::None].iter().chain(asked) {
             let (name, choice) = match transform {
-                TransformArg::Auto if !experts.is_empty() => named_by(experts)?,
+                TransformArg::Auto => named_by(experts, guard)?,
                 transform => (transform.name().to_owned(), Choice::Named(transform)),
             };
             if names.iter().all(|(earlier, _)| *earlier != name) {
@@ -156,17 +157,13 @@ impl Methods {
         if !self.ready.contains_key(name) {
             let begin = Instant::now();
             let method = match choice {
-                Choice::Named(TransformArg::Auto) => Method::auto(
-                    &[],
-                    &GuardArg::Closed,
-                    &origin.sampler,
-                    self.backend,
-                    &self.common,
-                )?,
+                Choice::Named(TransformArg::Auto) => {
+                    Method::auto(&[], None, &origin.sampler, self.backend, &self.common)?
+                }
                 Choice::Named(named) => Method::named(*named, self.backend)?,
-                Choice::Experts(experts) => Method::auto(
+                Choice::Guard(experts, guard) => Method::auto(
                     experts,
-                    &GuardArg::Closed,
+                    guard.as_ref(),
                     &origin.sampler,
                     self.backend,
                     &self.common,
@@ -245,17 +242,23 @@ impl Methods {
     }
 }
 
-/// The guard over these experts, and what a table calls it.
-fn named_by(experts: &[ExpertArg]) -> Result<(String, Choice), Error> {
+/// The guard over these experts, and what a table calls it, with what weighs them if that is said.
+fn named_by(experts: &[ExpertArg], guard: Option<&GuardArg>) -> Result<(String, Choice), Error> {
     if experts.contains(&ExpertArg::All) {
         let why = "--experts all: a table says which experts took part; name them, as in \
                    lane,filter,oidn";
         return Err(Error::Usage(why.into()));
     }
     let names: Vec<String> = experts.iter().map(ToString::to_string).collect();
-    let name = format!("{}: {}", TransformArg::Auto.name(), names.join(" + "));
-    check_name(&name).map_err(|why| Error::Usage(format!("--experts: {why}")))?;
-    Ok((name, Choice::Experts(experts.to_vec())))
+    let mut name = TransformArg::Auto.name().to_owned();
+    if !names.is_empty() {
+        name += &format!(": {}", names.join(" + "));
+    }
+    if let Some(guard) = guard {
+        name += &format!(" ({guard})");
+    }
+    check_name(&name).map_err(|why| Error::Usage(format!("--experts, --guard: {why}")))?;
+    Ok((name, Choice::Guard(experts.to_vec(), guard.cloned())))
 }
 
 #[cfg(test)]
@@ -269,8 +272,9 @@ mod tests {
     fn all_networks_open_a_gpu_in_the_same_time() -> Result<(), String> {
         let asked = ["families", "cornell", "gmon"].map(TransformArg::named);
         let asked: Vec<TransformArg> = asked.into_iter().flatten().collect();
-        let mut methods = Methods::new(&asked, &[], &[], BackendArg::Auto, &CommonArgs::default())
-            .map_err(|error| error.to_string())?;
+        let mut methods =
+            Methods::new(&asked, &[], &[], None, BackendArg::Auto, &CommonArgs::default())
+                .map_err(|error| error.to_string())?;
         let origin = Origin {
             scene: String::new(),
             fingerprint: String::new(),

@@ -15,7 +15,7 @@ use nst_files::output::{Kind, Name, Outputs};
 use nst_render::{LoadOptions, SamplerKind, Scene};
 
 use crate::{
-    args::{BenchSceneArgs, ExpertArg, TransformArg},
+    args::{BenchSceneArgs, ExpertArg, GuardArg, TransformArg},
     commands::check_distinct,
     error::Error,
     interrupt,
@@ -46,7 +46,8 @@ pub(super) fn run(args: &BenchSceneArgs) -> Result<Done, Error> {
     check_seeds(args)?;
     check_distinct(&[&args.reference[..], &args.sequence].concat())?;
     let of_experts = args.experts.iter().filter_map(ExpertArg::file);
-    let inputs = args.reference.iter().chain(&args.weights).chain(of_experts);
+    let of_guard = args.guard.iter().filter_map(GuardArg::file);
+    let inputs = args.reference.iter().chain(&args.weights).chain(of_experts).chain(of_guard);
     let mut inputs: Vec<_> = inputs.cloned().collect();
     inputs.extend(args.picture.iter().map(|picture| picture.file.clone()));
     inputs.extend(args.sequence.clone());
@@ -95,7 +96,8 @@ fn methods(args: &BenchSceneArgs) -> Result<Methods, Error> {
     } else {
         args.transform.clone()
     };
-    let methods = Methods::new(&asked, &args.weights, &args.experts, args.backend, &args.common)?;
+    let BenchSceneArgs { weights, experts, guard, backend, common, .. } = args;
+    let methods = Methods::new(&asked, weights, experts, guard.as_ref(), *backend, common)?;
     for name in args.picture.iter().map(|picture| &picture.name) {
         if methods.can_make(name) {
             return Err(Error::Usage(format!(

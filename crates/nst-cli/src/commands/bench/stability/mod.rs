@@ -17,7 +17,7 @@ use nst_files::output::{Kind, Name, OutputFile, Outputs, commit};
 use serde::{Serialize, Serializer};
 
 use crate::{
-    args::{BackendArg, BenchStabilityArgs, CommonArgs, GuardArg, TransformArg},
+    args::{BackendArg, BenchStabilityArgs, CommonArgs, TransformArg},
     error::Error,
     method::Method,
     networks::builtin_of_samples,
@@ -166,7 +166,7 @@ fn methods(sampler: &str) -> Result<Vec<Method>, Error> {
     let methods = [TransformArg::None].into_iter().chain(methods).chain(networks);
     let method = |transform| match transform {
         TransformArg::Auto => {
-            Method::auto(&[], &GuardArg::Closed, sampler, BackendArg::Cpu, &CommonArgs::default())
+            Method::auto(&[], None, sampler, BackendArg::Cpu, &CommonArgs::default())
         }
         other => Method::named(other, BackendArg::Cpu),
     };
@@ -178,8 +178,7 @@ fn guarded(sampler: &str) -> Result<Method, Error> {
         let mlp = SampleMlp::new(name, builtin_of_samples(name)?);
         Ok(Box::new(if name == REFITTED { mlp.with_refit() } else { mlp }))
     };
-    let auto =
-        Method::auto(&[], &GuardArg::Closed, sampler, BackendArg::Cpu, &CommonArgs::default())?;
+    let auto = Method::auto(&[], None, sampler, BackendArg::Cpu, &CommonArgs::default())?;
     let name = GUARDED.to_owned();
     if sampler == NESTED_SAMPLER {
         return Ok(Method { name, ..auto });
