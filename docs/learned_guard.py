@@ -8,7 +8,8 @@ FOLDER is what `python -m nst_train guard-data --folder FOLDER` (train/README.md
 that are held out of training are measured. The fifteen scenes of docs/neighbours.py must have been made, too.
 `--measure` uses target/release/nst, or the binary that the environment variable NST names, and goes on where
 it was cut off. docs/learned-guard.csv has a row for each picture and method, with errors as in
-docs/neighbours.csv; docs/learned-guard-curve.csv is what `nst_train guard --curve` writes.
+docs/neighbours.csv; docs/learned-guard-curve.csv is what `nst_train guard --curve` writes, and
+docs/learned-guard-ablations.csv what its `--ablations` does.
 """
 
 import csv
@@ -41,6 +42,7 @@ from page import command
 PAGE = DOCS / "learned-guard.md"
 TABLE = DOCS / "learned-guard.csv"
 CURVE = DOCS / "learned-guard-curve.csv"
+ABLATIONS = DOCS / "learned-guard-ablations.csv"
 COLUMNS = ["set", "scene", "spp", "run", "method", *METRICS, *PREDICTED]
 LISTS = ["lane,filter,oidn", "lane,filter"]
 GUARDS = ["closed", "learned"]
@@ -217,6 +219,24 @@ def curve() -> list[str]:
     return lines
 
 
+def ablations() -> list[str]:
+    """T/min(S, OIDN) of each network, by list of experts."""
+    rows = read(ABLATIONS)
+    lists = list(dict.fromkeys(row["experts"] for row in rows))
+    heads = [head for experts in lists for head in (f"`{experts}`", "largest")]
+    lines = [cells(["network", "parameters", *heads]), "|---" * (2 + len(heads)) + "|"]
+    for first in rows:
+        if first["experts"] != lists[0]:
+            continue
+        own = [row for row in rows if row["network"] == first["network"]]
+        pairs = [(f"{head}mse_to_min", f"{head}relmse_to_min") for head in ("", "worst_")]
+        found = [both([float(row[name]) for name in pair]) for row in own for pair in pairs]
+        closed = first["network"] == "closed"
+        name = "none (closed form)" if closed else first["network"]
+        lines.append(cells([name, "–" if closed else first["parameters"], *found]))
+    return lines
+
+
 def blocks() -> dict[str, list[str]]:
     rows = read(TABLE)
     pictures = by_picture(rows)
@@ -225,6 +245,7 @@ def blocks() -> dict[str, list[str]]:
         "by samples": by_samples(pictures),
         "told": told(rows),
         "curve": curve(),
+        "ablations": ablations(),
     }
 
 

@@ -12,6 +12,7 @@ relative to those of the plain estimate, against a reference of two independent 
 
 import csv
 import sys
+from itertools import product
 from pathlib import Path
 from statistics import geometric_mean
 from typing import TYPE_CHECKING
@@ -23,7 +24,9 @@ if TYPE_CHECKING:
     import numpy as np
 
 TABLE = DOCS / "neighbours-random.csv"
-COLUMNS = ["scene", "spp", "method", *METRICS]
+COLUMNS = ["scene", "spp", "method", "families", *METRICS]
+# What the network that weighs experts has never seen, and what it was trained on.
+FAMILIES = ["held out", "trained on"]
 LISTS = ["auto lane", "auto lane,filter", "auto lane,filter,oidn"]
 # Pictures whose reference has more noise than this share of S's errors are not judged.
 MOST_NOISE = 0.1
@@ -53,10 +56,11 @@ def measure(folder: Path) -> None:
             plain = errors(stacked(layers(picture.sequence)), halves)
             if is_noisy(halves, plain):
                 continue
+            families = FAMILIES[0 if picture.held_out else 1]
             for method in lists:
                 of_method = errors(estimated(picture.sequence, method)[0], halves)
                 ratios = (f"{t / s:.4g}" for t, s in zip(of_method, plain, strict=True))
-                writer.writerow([picture.scene, picture.spp, method, *ratios])
+                writer.writerow([picture.scene, picture.spp, method, families, *ratios])
                 file.flush()
 
 
@@ -67,12 +71,14 @@ def is_noisy(halves: list["np.ndarray"], plain: list[float]) -> bool:
 
 
 def table(rows: list[dict[str, str]]) -> list[str]:
+    """By list of experts, and whether the network that weighs them was trained on the scene's family."""
     lines = [
-        "| experts | pictures | geometric mean | above 1.02 in MSE | in relMSE | the largest, MSE / relMSE |"
+        "| experts | families | pictures | geometric mean | above 1.02 in MSE | in relMSE "
+        "| the largest, MSE / relMSE |"
     ]
-    lines.append("|---" * 6 + "|")
-    for method in LISTS:
-        own = [row for row in rows if row["method"] == method]
+    lines.append("|---" * 7 + "|")
+    for method, families in product(LISTS, FAMILIES):
+        own = [row for row in rows if (row["method"], row["families"]) == (method, families)]
         both = [[float(row[metric]) for row in own] for metric in METRICS]
         # An error that is estimated without bias may come out below 0.
         mean = " / ".join(f"{geometric_mean(max(x, 1e-4) for x in ratios):.3f}" for ratios in both)
@@ -84,7 +90,7 @@ def table(rows: list[dict[str, str]]) -> list[str]:
             for row in worst[:SHOWN]
         )
         name = method.removeprefix("auto ")
-        lines.append(f"| `{name}` | {len(own)} | {mean} | {above} | {'; '.join(named)} |")
+        lines.append(f"| `{name}` | {families} | {len(own)} | {mean} | {above} | {'; '.join(named)} |")
     return lines
 
 

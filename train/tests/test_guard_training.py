@@ -1,5 +1,6 @@
 """The network that corrects the guard's weights: tables, forms of errors, training, files."""
 
+import csv
 import json
 import sys
 import tomllib
@@ -17,7 +18,7 @@ from nst_train.__main__ import main
 from nst_train.errors import UserError
 from nst_train.guard_data import files
 from nst_train.guard_data.read import Picture
-from nst_train.guard_training import command, data, descent, forms, scores, settings, stored, table
+from nst_train.guard_training import data, descent, forms, scores, settings, stored, studies, table
 from nst_train.guard_training.forms import METRICS
 from nst_train.guard_training.stored import LISTS
 from nst_train.guard_training.table import EXPERTS, INPUTS, Table
@@ -186,13 +187,55 @@ def test_the_same_seed_gives_the_same_bytes_and_another_does_not(tmp_path: Path)
 
 
 def test_a_curve_has_a_row_for_each_number_of_scenes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(command, "CURVE", (1, 3, 40))
+    monkeypatch.setattr(studies, "CURVE", (1, 3, 40))
     write_set(tmp_path, pictures=4, held_out=1)
-    command.curve(config(steps=4), tmp_path, tmp_path / "curve.csv")
-    rows = [line.split(",") for line in (tmp_path / "curve.csv").read_text().splitlines()]
-    assert len(rows) == 1 + 4 * len(LISTS) and all(
-        len(row) == len(command.CURVE_COLUMNS) + 1 for row in rows[1:3]
+    studies.curve(config(steps=4), tmp_path, tmp_path / "curve.csv")
+    rows = read_rows(tmp_path / "curve.csv")
+    assert [row["scenes"] for row in rows] == ["0", "1", "3", "4"] * len(LISTS)
+    assert all(float(row[name]) > 0 for row in rows for name in studies.SUMMARY)
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_ablations_have_a_row_for_each_variant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    variants = [studies.VARIANTS[0], studies.Variant("1 × 4", {"hidden": [4]})]
+    monkeypatch.setattr(studies, "VARIANTS", variants)
+    write_set(tmp_path, pictures=2, held_out=1)
+    studies.ablations(config(steps=4), tmp_path, tmp_path / "ablations.csv")
+    rows = read_rows(tmp_path / "ablations.csv")
+    assert [row["network"] for row in rows] == ["closed", "as it is", "1 × 4"] * len(LISTS)
+    assert [row["parameters"] for row in rows[:3]] == ["0", "627", f"{18 * 4 + 4 + 4 * 3 + 3}"]
+    assert len({row["mse_to_min"] for row in rows[:3]}) == 3
+
+
+def test_a_network_is_blind_to_inputs_that_it_does_not_get(tmp_path: Path) -> None:
+    write_set(tmp_path, pictures=2)
+    items = data.load(tmp_path, config(steps=40))
+    # Input 3 tells of the best weights.
+    seeing, blind = (
+        studies.trained(studies.Variant("", without=without), config(steps=40), items)
+        for without in ((), (3,))
     )
+    item = items[0]
+    other = item.inputs.clone()
+    other[..., 3] += 1.0
+    with torch.no_grad():
+        changed = [
+            bool(
+                (
+                    model.weights(item.inputs, item.closed, item.part)
+                    != model.weights(other, item.closed, item.part)
+                ).any()
+            )
+            for model in (seeing, blind)
+        ]
+    assert changed == [True, False]
+    shifted = [replace(it, inputs=it.inputs + torch.eye(INPUTS)[3]) for it in items]
+    again = studies.trained(studies.Variant("", without=(3,)), config(steps=40), shifted)
+    assert all(torch.equal(a, b) for a, b in zip(blind.parameters(), again.parameters(), strict=True))
 
 
 def test_held_out_families_are_not_read_in_training(tmp_path: Path) -> None:

@@ -1,27 +1,16 @@
 """The command `guard`: trains, scores and exports the network that corrects the guard's weights."""
 
 import argparse
-import random
 from pathlib import Path
 
 import torch
 
 from nst_train import evaluation, weights
 from nst_train.errors import UserError, exit_code
-from nst_train.guard_training import data, descent, scores, settings
-from nst_train.guard_training.data import Item
-from nst_train.guard_training.scores import CLOSED
+from nst_train.guard_training import data, descent, scores, settings, studies
+from nst_train.guard_training.data import Item, scenes_of
 from nst_train.guard_training.settings import Settings
-from nst_train.guard_training.stored import LISTS
 from nst_train.random_scenes import BRANCHES
-
-CURVE = (10, 30, 60)
-"""Numbers of scenes that a network is trained on, beside all of them."""
-CURVE_COLUMNS = [
-    *("scenes", "pictures", "experts", "method"),
-    *("mse_to_min", "relmse_to_min", "mse_to_s", "relmse_to_s"),
-    *("worst_mse_to_s", "worst_relmse_to_s", "worst_mse_to_min", "worst_relmse_to_min"),
-]
 
 
 def say(line: str) -> None:
@@ -44,30 +33,6 @@ def run(config: Settings, folder: Path, out: Path) -> None:
     say("\n".join(scores.lines(found)))
 
 
-def curve(config: Settings, folder: Path, path: Path) -> None:
-    """Scores of networks that saw fewer scenes, and of the closed form, which saw none."""
-    torch.set_num_threads(1)
-    items = data.load(folder, config)
-    names = scenes_of(items)
-    random.Random(config.seed).shuffle(names)
-    models, pictures = {}, {CLOSED: (0, 0)}
-    for count in [*(count for count in CURVE if count < len(names)), len(names)]:
-        seen = set(names[:count])
-        part = [item for item in items if item.scene in seen]
-        say(f"{count} scenes, {len(part)} pictures and lists of experts")
-        models[f"{count}"], _ = descent.train(config, part, say)
-        pictures[f"{count}"] = (count, len(part))
-    found = scores.score(models, folder, config)
-    rows = [
-        [*pictures[method], experts, "closed" if method == CLOSED else "network", *numbers]
-        for experts in LISTS
-        for method in pictures
-        for numbers in [scores.summary(found, experts, method)]
-    ]
-    evaluation.write_csv(path, CURVE_COLUMNS, rows)
-    say(f"wrote {path}")
-
-
 def claim(out: Path, config: Settings) -> None:
     """Makes the folder, or refuses one with a run of another config."""
     out.mkdir(parents=True, exist_ok=True)
@@ -77,10 +42,6 @@ def claim(out: Path, config: Settings) -> None:
             f"{path}: {out} contains a run of another config; give another --out, or delete that folder"
         )
     path.write_text(config.text, encoding="utf-8")
-
-
-def scenes_of(items: list[Item]) -> list[str]:
-    return list(dict.fromkeys(item.scene for item in items))
 
 
 def provenance(config: Settings, items: list[Item]) -> weights.Provenance:
@@ -109,17 +70,25 @@ def main(argv: list[str]) -> int:
         "--curve",
         type=Path,
         metavar="FILE.csv",
-        help=f"instead or as well: scores of networks trained on {', '.join(map(str, CURVE))} and all scenes",
+        help=f"instead or as well: scores after {', '.join(map(str, studies.CURVE))} and all scenes",
+    )
+    parser.add_argument(
+        "--ablations",
+        type=Path,
+        metavar="FILE.csv",
+        help="the same: scores of networks of other sizes, losses and seeds, and without some inputs",
     )
     arguments = parser.parse_args(argv)
-    if not arguments.out and not arguments.curve:
-        parser.error("give --out, --curve, or both")
+    if not (arguments.out or arguments.curve or arguments.ablations):
+        parser.error("give --out, --curve, --ablations, or several of them")
 
     def work() -> None:
         config = settings.load(arguments.config)
         if arguments.out:
             run(config, arguments.folder, arguments.out)
         if arguments.curve:
-            curve(config, arguments.folder, arguments.curve)
+            studies.curve(config, arguments.folder, arguments.curve, say)
+        if arguments.ablations:
+            studies.ablations(config, arguments.folder, arguments.ablations, say)
 
     return exit_code(work)

@@ -44,6 +44,10 @@ def load(folder: Path, settings: Settings) -> list[Item]:
     return items
 
 
+def scenes_of(items: list[Item]) -> list[str]:
+    return list(dict.fromkeys(item.scene for item in items))
+
+
 def items_of(picture: Stored, settings: Settings) -> list[Item]:
     """One for each list of experts; none, if the reference has too much noise."""
     if not can_tell(picture, settings.most_noise):
