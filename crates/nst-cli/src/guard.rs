@@ -252,7 +252,7 @@ fn weighing(
     adapter: &Adapter,
 ) -> Result<GuardMlp, Error> {
     if backend != BackendArg::Gpu {
-        return Ok(GuardMlp::new(network)?);
+        return Ok(GuardMlp::new(network));
     }
     adapter.open(|| {
         let gpu = Gpu::open(AdapterKind::Any)?;
@@ -262,7 +262,7 @@ fn weighing(
 
 #[cfg(not(feature = "gpu"))]
 fn weighing(network: GuardNetwork, _: BackendArg, _: &Adapter) -> Result<GuardMlp, Error> {
-    Ok(GuardMlp::new(network)?)
+    Ok(GuardMlp::new(network))
 }
 
 /// The expert that a network which reads terms may be.

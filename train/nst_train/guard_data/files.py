@@ -27,6 +27,18 @@ def shorten(sequence: Path, target: Path) -> None:
     _write(target, {**header, "nst.terms": last}, kept)
 
 
+def without(sequence: Path, target: Path, features: tuple[str, ...]) -> None:
+    """Writes a sequence without features, whose names channels start with."""
+    with OpenEXR.File(str(sequence), separate_channels=True) as file:
+        channels = {
+            name: channel.pixels for name, channel in file.channels().items() if not name.startswith(features)
+        }
+        header = {
+            name: value for name, value in file.header().items() if name not in ("channels", "chunkCount")
+        }
+    _write(target, header, channels)
+
+
 def is_term(channel: str) -> bool:
     layer, _, color = channel.rpartition(".")
     return layer[:1] == "S" and layer[1:].isdigit() and len(color) == 1

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from nst_train.random_scenes import bodies, indoors, outside, parts, sets
+from nst_train.random_scenes import bodies, indoors, outside, parts, sets, sparse
 from nst_train.random_scenes.files import RandomScene
 from nst_train.random_scenes.images import noise
 from nst_train.random_scenes.parts import Rng
@@ -207,5 +207,6 @@ BRANCHES: dict[str, Callable[[RandomScene, Rng], None]] = {
             bodies.macro,
             bodies.studio,
         ),
+        *(sparse.dust, sparse.sparks, sparse.wires),
     )
 }

@@ -29,7 +29,13 @@ pub(crate) struct RenderArgs {
     pub(crate) output: Option<PathBuf>,
     /// Instead of a picture, write a dataset for training: this many independent runs,
     /// whose seeds count up from --seed.
-    #[arg(long, value_name = "R", value_parser = count, allow_negative_numbers = true, conflicts_with = "sequence")]
+    #[arg(
+        long,
+        value_name = "R",
+        value_parser = count,
+        allow_negative_numbers = true,
+        conflicts_with_all = ["sequence", "transform", "experts", "guard", "weights"]
+    )]
     pub(crate) runs: Option<u32>,
     /// Also store the sequence, for `nst transform` and --resume.
     #[arg(long, value_name = "EXR", value_parser = ending_in(["exr"]))]

@@ -92,11 +92,12 @@ impl Weights {
     fn unfit(&self) -> Error {
         let is = match self {
             Self::Window(_) => {
-                "it reads a window of terms (metadata 'inputs'), and sees no samples"
+                "it reads a window of terms (metadata 'inputs'): it sees no samples, and weighs no \
+                 experts"
             }
             Self::Samples(_) => {
-                "it sees samples (metadata 'inputs'), not a window of terms: it can only be an expert \
-                 of the guard"
+                "it sees samples (metadata 'inputs'): it reads no window of terms, and weighs no \
+                 experts, but can be one"
             }
             Self::Guard(_) => "it weighs the guard's experts (metadata 'inputs'): --guard takes it",
         };

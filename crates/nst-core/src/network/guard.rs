@@ -27,12 +27,15 @@ pub struct GuardNetwork {
 }
 
 impl GuardNetwork {
+    /// The most experts that one can weigh: what it reads has so many slots.
+    pub const MOST_EXPERTS: usize = 3;
+
     /// Puts a network together whose last layer has one output for each of `experts`, by their
     /// names; `floor` is φ.
     ///
     /// # Errors
-    /// [`Error::Weights`] as for [`Network::new`], if the outputs are not as many as the experts,
-    /// or if the floor is not above 0.
+    /// [`Error::Weights`] as for [`Network::new`], if the outputs are not as many as the experts, if
+    /// these are too many, or one is there twice, or if the floor is not above 0.
     pub fn new(
         mut layers: Vec<Layer>,
         metadata: Metadata,
@@ -45,6 +48,13 @@ impl GuardNetwork {
             let (outputs, count) = (last.outputs(), experts.len());
             let message = format!("the last layer has {outputs} outputs for {count} experts");
             return Err(Error::Weights(message));
+        }
+        if experts.len() > Self::MOST_EXPERTS {
+            let (count, most) = (experts.len(), Self::MOST_EXPERTS);
+            return Err(Error::Weights(format!("weights for {count} experts; at most {most} can be")));
+        }
+        if let Some(twice) = (1..experts.len()).find(|&i| experts[..i].contains(&experts[i])) {
+            return Err(Error::Weights(format!("weights for '{}' twice", experts[twice])));
         }
         if !(floor > 0.0 && floor.is_finite()) {
             return Err(Error::Weights("'prior_floor' must be above 0".into()));
@@ -127,11 +137,13 @@ mod tests {
     }
 
     #[test]
-    fn outputs_and_experts_are_as_many() {
+    fn outputs_and_experts_fit() {
         for (outputs, experts, floor, word) in [
             (2, &["lane"][..], 0.02, "2 outputs for 1 experts"),
             (1, &["lane", "filter"], 0.02, "1 outputs for 2 experts"),
             (1, &["lane"], 0.0, "'prior_floor'"),
+            (4, &["a", "b", "c", "d"], 0.02, "weights for 4 experts; at most 3"),
+            (3, &["lane", "oidn", "lane"], 0.02, "weights for 'lane' twice"),
         ] {
             let error = network(outputs, experts, floor).expect_err(word).to_string();
             assert!(error.contains(word), "'{word}' is not in: {error}");

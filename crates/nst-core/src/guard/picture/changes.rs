@@ -15,18 +15,26 @@ const MOST_TIMES: f32 = 1000.0;
 ///
 /// Next to what is very bright, an expert may take light from beyond an edge. In a few pixels that
 /// may go unnoticed, as their sums say nothing of others. So nobody is believed who says a thousand
-/// times what the samples say; where these are black, what those of the pixels around say. Of the
-/// emission that the camera sees directly, nothing is believed where all samples are black: most of
-/// these pixels see no lamp, and light in them would be seen.
-pub(super) fn believed_changes(grid: &Grid, emitted: bool, plain: &[f32], estimates: &mut [f32]) {
+/// times what the samples say; where these are black, what those of the pixels around say. Where the
+/// pixel is one that `sees_nothing`, by its number, light would be seen, and none is believed.
+pub(super) fn believed_changes(
+    grid: &Grid,
+    sees_nothing: impl Fn(usize) -> bool + Sync,
+    plain: &[f32],
+    estimates: &mut [f32],
+) {
     let (width, inner) = (grid.width(), grid.inner_rows());
     let planes = estimates.par_chunks_exact_mut(inner.len() * width);
     planes.zip(plain.par_chunks_exact(grid.pixels())).for_each(|(estimates, plain)| {
         let rows = estimates.par_chunks_exact_mut(width).zip(inner.clone());
         rows.for_each(|(estimates, row)| {
             for (x, estimate) in estimates.iter_mut().enumerate() {
-                let own = plain[row * width + x];
-                let near = || if emitted { own } else { light_near(plain, width, [x, row]) };
+                let pixel = row * width + x;
+                let own = plain[pixel];
+                let near = || match sees_nothing(pixel) {
+                    true => own,
+                    false => light_near(plain, width, [x, row]),
+                };
                 let change = *estimate - own;
                 let too_bright = change > 0.0 && *estimate > MOST_TIMES * near();
                 *estimate = if change.is_finite() && !too_bright { change } else { 0.0 };
@@ -64,12 +72,12 @@ mod tests {
         let dark = [[1.0, 0.0, 2.0, 0.0], [0.5, 1.0, 0.0, 0.0], [0.0; 4], [0.0; 4]];
         let plain: Vec<f32> = bright.into_iter().chain(dark.into_iter().flatten()).collect();
         let grid = Grid::new(4, 5, 1, 0).expect("a grid");
-        let changes_of = |emitted: bool, value: f32| {
+        let changes_of = |sees_nothing: fn(usize) -> bool, value: f32| {
             let mut estimates = vec![value; plain.len()];
-            believed_changes(&grid, emitted, &plain, &mut estimates);
+            believed_changes(&grid, sees_nothing, &plain, &mut estimates);
             estimates
         };
-        let changes = |value: f32| changes_of(false, value);
+        let changes = |value: f32| changes_of(|_| false, value);
         // Ten times what is around is believed, and so is anything where nothing is known.
         assert_eq!(changes(20.0)[4..], plain[4..].iter().map(|s| 20.0 - s).collect::<Vec<_>>());
         let of_leak = changes(3000.0);
@@ -80,8 +88,9 @@ mod tests {
         assert_eq!(of_leak[16..], [3000.0; 4]);
         assert_eq!(changes(f32::NAN), [0.0; 20]);
         assert_eq!(changes(-1.0)[5], -1.0);
-        // Emission is believed in all pixels that have some, and in no others.
-        let of_emission = plain.iter().map(|s| if *s > 0.0 { 20.0 - s } else { 0.0 });
-        assert_eq!(changes_of(true, 20.0), of_emission.collect::<Vec<_>>());
+        // In pixels that see nothing, what is there already is believed, and nothing else.
+        let of_some = plain.iter().map(|s| if *s > 0.0 { 20.0 - s } else { 0.0 });
+        assert_eq!(changes_of(|_| true, 20.0), of_some.collect::<Vec<_>>());
+        assert_eq!(changes_of(|pixel| pixel > 15, 20.0)[14..], [20.0, 20.0, 0.0, 0.0, 0.0, 0.0]);
     }
 }

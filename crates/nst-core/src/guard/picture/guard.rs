@@ -195,7 +195,8 @@ impl Transform for PictureGuard {
         let mut panel = self.panel(lane, counts, unit);
         if pixels < LEAST_PIXELS {
             let names = self.names();
-            notes.push(format!("left out: {names}, which {pixels} pixels are too few to measure"));
+            let why = format!("too few pixels to measure that ({pixels}, of {LEAST_PIXELS})");
+            notes.push(format!("left out: {names}; the picture has {why}"));
             panel.experts.clear();
         }
         if let Some(why) = self.too_slow(&panel, pixels)? {

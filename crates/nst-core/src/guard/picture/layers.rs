@@ -53,6 +53,15 @@ pub(super) struct Layers {
     pub(super) normal: Option<Feature>,
 }
 
+impl Layers {
+    /// Whether no sample of a pixel has seen a surface, as far as normals tell.
+    pub(super) fn sees_no_surface(&self, pixel: usize) -> bool {
+        self.normal.as_ref().is_some_and(|Feature { mean, .. }| {
+            mean.chunks_exact(mean.len() / 3).all(|plane| plane[pixel] == 0.0)
+        })
+    }
+}
+
 /// The means of a feature, and their variances.
 pub(super) struct Feature {
     mean: Vec<f32>,

@@ -88,7 +88,8 @@ impl Panel<'_> {
             }
             let mut estimates = vec![0.0; mean.len()];
             it.estimate(&seen, &mut estimates).map_err(|error| Failure { expert, error })?;
-            believed_changes(grid, number == EMITTED, &layers.parts[number].mean, &mut estimates);
+            let sees_nothing = |pixel| number == EMITTED || layers.sees_no_surface(pixel);
+            believed_changes(grid, sees_nothing, &layers.parts[number].mean, &mut estimates);
             changes.push(estimates);
         }
         let places = self.places(&mean, changes.last(), grid.channels());

@@ -371,7 +371,7 @@ fn network(name: &str, more: f32) -> GuardMlp {
     };
     let experts = vec![name.to_owned(), "vertical".to_owned()];
     let network = GuardNetwork::new(layers, metadata, experts, 0.02).expect("it fits");
-    GuardMlp::new(network).expect("two experts")
+    GuardMlp::new(network)
 }
 
 /// An expert that is right but for a tenth.

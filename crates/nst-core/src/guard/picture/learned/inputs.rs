@@ -6,6 +6,7 @@ use super::super::{
     near::{Near, errors_over_brightness},
     simplex::MOST,
 };
+use crate::GuardNetwork;
 
 /// How many numbers: of each of three slots for experts, the weights of what is near, of the whole
 /// picture, and of the closed form; how large the error of S is at this brightness, and the
@@ -15,7 +16,7 @@ use super::super::{
 pub(crate) const INPUTS: usize = 18;
 
 /// The most experts.
-pub(super) const SLOTS: usize = 3;
+const SLOTS: usize = GuardNetwork::MOST_EXPERTS;
 
 /// Weights of so many kinds come before those of the closed form.
 const BLEND: usize = 2;

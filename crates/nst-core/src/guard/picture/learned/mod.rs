@@ -5,7 +5,7 @@ mod inputs;
 use ndarray::{Array2, ArrayView2};
 
 pub(crate) use self::inputs::INPUTS;
-use self::inputs::{DARK, SLOTS};
+use self::inputs::DARK;
 pub(super) use self::inputs::{Input, Inputs};
 use super::{
     fits::{Fits, OfCell},
@@ -25,33 +25,22 @@ pub struct GuardMlp {
 
 impl GuardMlp {
     /// With layers on the CPU.
-    ///
-    /// # Errors
-    /// [`Error::Weights`] if it weighs more experts than three.
-    pub fn new(network: GuardNetwork) -> Result<Self, Error> {
+    #[must_use]
+    pub fn new(network: GuardNetwork) -> Self {
         let outputs = network.outputs().iter().map(Evaluator::on_cpu).collect();
-        Self { network, outputs }.checked()
+        Self { network, outputs }
     }
 
     /// With layers on a GPU. If that fails later, the closed form's weights are used.
     ///
     /// # Errors
-    /// As for [`Self::new`] and [`MlpGpu::new`](crate::gpu::MlpGpu::new).
+    /// As for [`MlpGpu::new`](crate::gpu::MlpGpu::new).
     #[cfg(feature = "gpu")]
     pub fn on_gpu(network: GuardNetwork, gpu: &Gpu) -> Result<Self, Error> {
         let outputs = network.outputs().iter();
         let outputs = outputs.map(|output| Evaluator::on_gpu(output, gpu.clone()));
         let outputs = outputs.collect::<Result<_, _>>()?;
-        Self { network, outputs }.checked()
-    }
-
-    fn checked(self) -> Result<Self, Error> {
-        let count = self.outputs.len();
-        if count > SLOTS {
-            let message = format!("weights for {count} experts; at most {SLOTS} can be blended");
-            return Err(Error::Weights(message));
-        }
-        Ok(self)
+        Ok(Self { network, outputs })
     }
 
     /// The weights of experts, `[row][expert]`, by rows of inputs, `[input][row]`, and the closed
