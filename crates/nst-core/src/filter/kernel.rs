@@ -15,16 +15,22 @@ const DISTANCE: f32 = 5.0;
 /// Columns and rows of a block, whose planes with those around stay in the cache.
 const BLOCK: [usize; 2] = [128, 16];
 
+/// Packets, one above the other, that are filtered together. Most of the time goes to loads of
+/// what is around, which begin anywhere; these have nearly all of it in common.
+const TOGETHER: usize = 2;
+
+#[derive(Clone, Copy)]
 #[repr(align(64))]
 struct Packet([f32; PACKET]);
 
-/// A pixel near another one.
+/// A pixel near at least one of those that are filtered together.
 #[derive(Clone, Copy)]
 struct Tap {
+    /// From the first of them.
     x: isize,
     y: isize,
-    /// s/8 − 1 by the distance.
-    far: f32,
+    /// s/8 − 1 by the distance from each; 0 where it is not near, so that its weight is.
+    far: [f32; TOGETHER],
 }
 
 /// The filter at work on planes.
@@ -39,13 +45,16 @@ type Rows<'a> = Vec<&'a mut [f32]>;
 impl<'a> Kernel<'a> {
     pub(super) fn new(planes: &'a Planes) -> Self {
         let reach = RADIUS as isize;
-        let square = (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (x, y)));
-        let disc = square.filter(|(x, y)| x * x + y * y <= reach * reach);
-        let tap = |(x, y): (isize, isize)| {
-            let distance = (x * x + y * y) as f32 / (2.0 * DISTANCE * DISTANCE);
-            Tap { x, y, far: distance / 8.0 - 1.0 }
+        let rows = -reach..reach + TOGETHER as isize;
+        let around = rows.flat_map(|y| (-reach..=reach).map(move |x| (x, y)));
+        let far = |x: isize, y: isize| {
+            let square = x * x + y * y;
+            let distance = square as f32 / (2.0 * DISTANCE * DISTANCE);
+            if square <= reach * reach { distance / 8.0 - 1.0 } else { 0.0 }
         };
-        Self { planes, taps: disc.map(tap).collect() }
+        let tap = |(x, y)| Tap { x, y, far: from_fn(|row| far(x, y - row as isize)) };
+        let taps = around.map(tap).filter(|tap| tap.far != [0.0; TOGETHER]);
+        Self { planes, taps: taps.collect() }
     }
 
     /// Writes the inner rows, `[channel][pixel]`.
@@ -149,31 +158,34 @@ impl<'a> Kernel<'a> {
         let width = self.planes.grid.width();
         let count = rows[0].len() / width;
         for left in (0..width).step_by(BLOCK[0]) {
-            for y in 0..count {
+            for y in (0..count).step_by(TOGETHER) {
                 for x in (left..width.min(left + BLOCK[0])).step_by(V::LANES) {
                     // SAFETY: the caller's promise, and the pixel is one of the planes.
-                    let packet = unsafe { self.packet::<V, C, G>(channel, x, first + y) };
-                    for (rows, values) in rows.iter_mut().zip(packet) {
-                        let place = &mut rows[y * width..][x..width.min(x + V::LANES)];
-                        place.copy_from_slice(&values.0[..place.len()]);
+                    let packets = unsafe { self.packets::<V, C, G>(channel, x, first + y) };
+                    for (y, packets) in (y..count).zip(packets) {
+                        for (rows, values) in rows.iter_mut().zip(packets) {
+                            let place = &mut rows[y * width..][x..width.min(x + V::LANES)];
+                            place.copy_from_slice(&values.0[..place.len()]);
+                        }
                     }
                 }
             }
         }
     }
 
-    /// Filters a packet that begins with this pixel.
+    /// Filters packets that begin with this pixel and with those below it; one that would lie
+    /// below the planes gets some numbers.
     ///
     /// # Safety
     /// Also, the pixel is one of the planes.
     #[allow(unsafe_code)]
     #[inline(always)]
-    unsafe fn packet<V: Vector, const C: usize, const G: usize>(
+    unsafe fn packets<V: Vector, const C: usize, const G: usize>(
         &self,
         channel: usize,
         x: usize,
         y: usize,
-    ) -> [Packet; C] {
+    ) -> [[Packet; C]; TOGETHER] {
         let Planes { ref grid, stride, ref values, .. } = *self.planes;
         let of_row = self.planes.of_row();
         let of_channel = OF_CHANNEL * stride;
@@ -184,60 +196,98 @@ impl<'a> Kernel<'a> {
             // plane, which has `RADIUS` columns more on either side and whole packets.
             unsafe { V::load_anywhere(values.as_ptr().add(place)) }
         };
+        // Loops instead of closures: the compiler calls vector instructions of nested closures as
+        // functions.
         // SAFETY: the caller's promise.
         unsafe {
-            let here = y * of_row + RADIUS as usize + x;
-            let [zero, minus, huge] = [0.0, -1.0, f32::MAX].map(|value| V::splat(value));
-            let own_roots: [V; C] =
-                from_fn(|c| minus.mul(load(here + first + c * of_channel + ROOT * stride)));
-            let own_noises: [V; C] =
-                from_fn(|c| load(here + first + c * of_channel + NOISE * stride));
-            let own_guides: [V; G] = from_fn(|g| minus.mul(load(here + guides + g * stride)));
-            let own_guide_noise = if G > 0 { load(here + guides + G * stride) } else { zero };
-            let mut sums = [zero; C];
-            let mut total = zero;
+            let (zero, minus, huge) = (V::splat(0.0), V::splat(-1.0), V::splat(f32::MAX));
+            let mut own_roots = [[zero; C]; TOGETHER];
+            let mut own_noises = [[zero; C]; TOGETHER];
+            let mut own_guides = [[zero; G]; TOGETHER];
+            let mut own_guide_noise = [zero; TOGETHER];
+            for row in 0..TOGETHER {
+                let here = (y + row).min(grid.rows() - 1) * of_row + RADIUS as usize + x;
+                for c in 0..C {
+                    let channel = here + first + c * of_channel;
+                    own_roots[row][c] = minus.mul(load(channel + ROOT * stride));
+                    own_noises[row][c] = load(channel + NOISE * stride);
+                }
+                for g in 0..G {
+                    own_guides[row][g] = minus.mul(load(here + guides + g * stride));
+                }
+                if G > 0 {
+                    own_guide_noise[row] = load(here + guides + G * stride);
+                }
+            }
+            let mut sums = [[zero; C]; TOGETHER];
+            let mut total = [zero; TOGETHER];
             for tap in &self.taps {
                 let Some(row) = y.checked_add_signed(tap.y).filter(|row| *row < grid.rows()) else {
                     continue;
                 };
                 let there = (row * of_row + RADIUS as usize + x).wrapping_add_signed(tap.x);
-                let mut far = V::splat(tap.far);
+                let mut far = [zero; TOGETHER];
+                for row in 0..TOGETHER {
+                    far[row] = V::splat(tap.far[row]);
+                }
                 if G > 0 {
                     // What may be noise does not tell pixels apart.
-                    let mut differ = own_guide_noise.add(load(there + guides + G * stride));
-                    for (g, own) in own_guides.iter().enumerate() {
-                        let d = own.add(load(there + guides + g * stride));
-                        differ = d.mul_add(d, differ);
+                    let noise = load(there + guides + G * stride);
+                    let mut differ = [zero; TOGETHER];
+                    for row in 0..TOGETHER {
+                        differ[row] = own_guide_noise[row].add(noise);
                     }
-                    far = far.add(differ.max(zero));
+                    for g in 0..G {
+                        let guide = load(there + guides + g * stride);
+                        for row in 0..TOGETHER {
+                            let d = own_guides[row][g].add(guide);
+                            differ[row] = d.mul_add(d, differ[row]);
+                        }
+                    }
+                    for row in 0..TOGETHER {
+                        far[row] = far[row].add(differ[row].max(zero));
+                    }
                 }
-                let excesses: [V; C] = from_fn(|c| {
+                let mut excess = [zero; TOGETHER];
+                for c in 0..C {
                     let channel = there + first + c * of_channel;
-                    let d = own_roots[c].add(load(channel + ROOT * stride));
-                    let noise = own_noises[c].add(load(channel + NOISE * stride));
-                    d.mul_add(d, noise)
-                });
-                let excess = excesses[1..].iter().fold(excesses[0], |most, next| most.max(*next));
-                // At most −1, which s/8 − 1 is at least, up to an excess of 0; else above 0.
-                let apart = excess.mul_add(huge, minus);
-                let near = far.max(apart).min(zero);
-                let square = near.mul(near);
-                let fourth = square.mul(square);
-                let weight = fourth.mul(fourth);
-                total = total.add(weight);
-                for (c, sum) in sums.iter_mut().enumerate() {
-                    *sum = weight.mul_add(load(there + first + c * of_channel), *sum);
+                    let root = load(channel + ROOT * stride);
+                    let noise = load(channel + NOISE * stride);
+                    for row in 0..TOGETHER {
+                        let d = own_roots[row][c].add(root);
+                        let of_channel = d.mul_add(d, own_noises[row][c].add(noise));
+                        excess[row] = if c == 0 { of_channel } else { excess[row].max(of_channel) };
+                    }
+                }
+                let mut weight = [zero; TOGETHER];
+                for row in 0..TOGETHER {
+                    // At most −1, which s/8 − 1 is at least, up to an excess of 0; else above 0.
+                    let apart = excess[row].mul_add(huge, minus);
+                    let near = far[row].max(apart).min(zero);
+                    let square = near.mul(near);
+                    let fourth = square.mul(square);
+                    weight[row] = fourth.mul(fourth);
+                    total[row] = total[row].add(weight[row]);
+                }
+                for c in 0..C {
+                    let mean = load(there + first + c * of_channel);
+                    for row in 0..TOGETHER {
+                        sums[row][c] = weight[row].mul_add(mean, sums[row][c]);
+                    }
                 }
             }
-            let mut totals = Packet([0.0; PACKET]);
-            total.store(totals.0.as_mut_ptr());
-            from_fn(|c| {
-                let mut values = Packet([0.0; PACKET]);
-                sums[c].store(values.0.as_mut_ptr());
-                // 0/0 where the pixel does not count.
-                values.0.iter_mut().zip(totals.0).for_each(|(value, total)| *value /= total);
-                values
-            })
+            let mut packets = [[Packet([0.0; PACKET]); C]; TOGETHER];
+            for row in 0..TOGETHER {
+                let mut totals = Packet([0.0; PACKET]);
+                total[row].store(totals.0.as_mut_ptr());
+                for c in 0..C {
+                    let values = &mut packets[row][c].0;
+                    sums[row][c].store(values.as_mut_ptr());
+                    // 0/0 where the pixel does not count.
+                    values.iter_mut().zip(totals.0).for_each(|(value, total)| *value /= total);
+                }
+            }
+            packets
         }
     }
 }

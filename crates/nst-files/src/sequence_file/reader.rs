@@ -82,7 +82,7 @@ impl SequenceReader {
         let has_sums = channels.has_layer("state.square0.hi", model);
         let resume = header.resume(channels.powers(model))?.filter(|_| has_sums);
         let terms = channels.terms(model, &sample_counts)?;
-        let (names, sides): (Vec<_>, _) =
+        let (names, sides): (Vec<_>, Vec<Vec<usize>>) =
             channels.sides(model, &sample_counts)?.into_iter().unzip();
         let info = SequenceInfo {
             size: rows.size(),
@@ -101,7 +101,9 @@ impl SequenceReader {
         header.check_folds(&info)?;
         check_resumable(&info).map_err(|why| Error::malformed(path, why))?;
         info.grid().map_err(|error| Error::malformed(path, error.to_string()))?;
-        let step = strip_rows(rows.row_bytes());
+        // Most of a file with a state is that, which is not read with strips.
+        let read = terms.len() + sides.iter().map(Vec::len).sum::<usize>();
+        let step = strip_rows(read * rows.size()[0] as usize * size_of::<f32>());
         let kept = KeptRows::default();
         Ok(Self { rows, info, terms, sides, state, step, next: 0, halo: 0, kept })
     }
@@ -124,6 +126,12 @@ impl SequenceReader {
     pub fn with_least_strip_rows(self, rows: u32) -> Self {
         let rows = rows.max(self.step);
         self.with_strip_rows(rows)
+    }
+
+    /// Reads strips that are not larger with their sums.
+    pub(super) fn with_sums(self) -> Self {
+        let step = strip_rows(self.rows.row_bytes());
+        Self { step, ..self }
     }
 
     /// Continues with the strip that begins at a row.

@@ -59,7 +59,7 @@ impl SequenceFile {
     }
 
     fn read_with(path: &Path, with_sides: bool) -> Result<Self, Error> {
-        let mut reader = SequenceReader::open(path)?;
+        let mut reader = SequenceReader::open(path)?.with_sums();
         let info = reader.info().clone();
         let grid = info.grid()?;
         let mut terms = Vec::new();
