@@ -35,8 +35,8 @@ pub(crate) struct MethodArgs {
     /// Use the network of this safetensors file.
     #[arg(long, value_name = "FILE", conflicts_with = "transform")]
     pub(crate) weights: Option<PathBuf>,
-    /// What a network or the filter runs on. `auto` leaves networks that see the samples, and the
-    /// filter, on the CPU.
+    /// What a network or the filter runs on. `auto` leaves networks that see the samples or weigh
+    /// experts, and the filter, on the CPU.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) backend: BackendArg,
 }

@@ -51,7 +51,8 @@ impl GuardNetwork {
         }
         if experts.len() > Self::MOST_EXPERTS {
             let (count, most) = (experts.len(), Self::MOST_EXPERTS);
-            return Err(Error::Weights(format!("weights for {count} experts; at most {most} can be")));
+            let message = format!("weights for {count} experts; at most {most} can be blended");
+            return Err(Error::Weights(message));
         }
         if let Some(twice) = (1..experts.len()).find(|&i| experts[..i].contains(&experts[i])) {
             return Err(Error::Weights(format!("weights for '{}' twice", experts[twice])));

@@ -88,6 +88,7 @@ impl Panel<'_> {
             }
             let mut estimates = vec![0.0; mean.len()];
             it.estimate(&seen, &mut estimates).map_err(|error| Failure { expert, error })?;
+            // Most pixels see no lamp, and nothing is reflected where no surface is.
             let sees_nothing = |pixel| number == EMITTED || layers.sees_no_surface(pixel);
             believed_changes(grid, sees_nothing, &layers.parts[number].mean, &mut estimates);
             changes.push(estimates);

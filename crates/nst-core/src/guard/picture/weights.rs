@@ -16,9 +16,8 @@ use crate::Error;
 /// The least variance of T in a cell, relative to that of S: what sums say below is noise.
 const LEAST_ERROR: f64 = 0.05;
 
-/// How far behind the closed form a network may be predicted to be, relative to the MSE of S: where
-/// nearly all of that goes, the prediction is off by a tenth, but where light is so rare that it may
-/// be off by more, it excuses nothing.
+/// How far behind the closed form a network may be predicted to be, at most, relative to the MSE of
+/// S. Where light is rare, predictions may be off by many times that, and would excuse anything.
 const MOST_BEHIND: f64 = 0.1;
 
 /// Pixels in a row of a block, whose changes count as one draw: experts err alike in neighbours.
@@ -203,9 +202,8 @@ impl Row {
 }
 
 impl Gain {
-    /// Whether these weights gain less than others, by more than what is [predicted](interval) may be
-    /// off and than chance can excuse, or by anything where they lose to S. No one gains more than
-    /// all of S's errors.
+    /// Whether these weights gain less than others by more than the [prediction](interval) may be off,
+    /// or lose to S, and the others less. No one gains more than all of S's errors.
     fn loses_to(&self, other: &Self, samples: f64) -> bool {
         let pairs = self.blocks.iter().zip(&other.blocks);
         let beside: Vec<_> = pairs.map(|(own, other)| [own[0] - other[0], own[1]]).collect();

@@ -4,8 +4,8 @@ mod inputs;
 
 use ndarray::{Array2, ArrayView2};
 
-pub(crate) use self::inputs::INPUTS;
 use self::inputs::DARK;
+pub(crate) use self::inputs::INPUTS;
 pub(super) use self::inputs::{Input, Inputs};
 use super::{
     fits::{Fits, OfCell},
