@@ -149,6 +149,9 @@ fn command_lines() {
         ("--runs 2 -o picture.exr", &[".safetensors"]),
         ("--runs 0", &["--runs"]),
         ("--runs 2 --sequence seq.exr", &["--runs", "--sequence"]),
+        ("--runs 2 --experts lane", &["--runs", "--experts"]),
+        ("--runs 2 --guard closed", &["--runs", "--guard"]),
+        ("--runs 2 --weights w.safetensors", &["--runs", "--weights"]),
         ("--keep all", &["--sequence"]),
         ("--transform none --weights w.safetensors", &["--weights"]),
     ];

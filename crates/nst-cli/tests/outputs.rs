@@ -62,7 +62,6 @@ fn a_rendering_does_not_replace_the_files_of_its_scene() {
         ("-o ./model.exr", "'./model.png'", "an input"),
         ("-o sky.exr", "'sky.exr'", "an input"),
         ("-o x.exr --sequence sky.exr", "'sky.exr'", "an input"),
-        ("-o w.safetensors --runs 1 --weights w.safetensors", "'w.safetensors'", "an input"),
         ("-o w.safetensors --runs 1", "'w.safetensors'", "another kind of file"),
     ];
     for (options, file, why) in cases {
