@@ -65,7 +65,7 @@ def measure(folder: Path) -> None:
 
 
 def is_noisy(halves: list["np.ndarray"], plain: list[float]) -> bool:
-    """Whether the mean of a reference's halves has too much noise to judge by, beside S's errors, or S has none."""
+    """Whether a reference has too much noise to judge by, beside S's errors, or S has none."""
     noise = errors(sum(halves) / 2, [halves[0], halves[0]])
     return any(n >= MOST_NOISE * error for n, error in zip(noise, plain, strict=True))
 

@@ -17,7 +17,6 @@ from nst_train.guard_training import stored, table
 from nst_train.guard_training.stored import LISTS
 from nst_train.guard_training.table import Table
 
-
 FEATURES = ("albedo", "normal", "depth", "emission")
 """What their channels start with."""
 

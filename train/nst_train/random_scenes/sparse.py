@@ -11,7 +11,7 @@ from nst_train.random_scenes.shapes import box, turned
 REACH = np.array([1.6, 1.2, 0.8])
 """Half sides of the box that things are in, about the origin."""
 SIZES = (-2.4, -1.1)
-"""Decimal logarithms of the least and largest half size of a thing; a pixel of 128 is about 0.01 wide there."""
+"""Decimal logarithms of the least and largest half size of a thing; a pixel of 128 is about 0.01 wide."""
 
 
 def dust(scene: RandomScene, rng: Rng) -> None:
