@@ -136,7 +136,7 @@ fn sidecars() {
 fn command_lines() {
     let bench = Bench::new();
     bench.write("x.obj", TRIANGLE);
-    let cases: [(&str, &[&str]); 14] = [
+    let cases: [(&str, &[&str]); 17] = [
         ("--spp 0", &["--spp", "0"]),
         ("--spp many", &["--spp"]),
         ("--size 10", &["--size", "512x512"]),
