@@ -25,7 +25,7 @@ fn table(scenes: &[&str], methods: &[&str], [width, height]: [u32; 2]) -> String
         methods.iter().enumerate().map(move |(place, method)| {
             let (mse, seconds) = (1.0 / (place + 1) as f64, 1 + place);
             format!(
-                "{scene},{method},8,0,{mse},,,,,,,,,,,{seconds},{width},{height},,,,,0.0.0,5,,\
+                "{scene},{method},8,0,{mse},,,,,,,,,,,{seconds},{width},{height},,,,,0.0.0,6,,\
                  {scene}:v2:0,,,,,,{REFERENCE},\n"
             )
         })
