@@ -113,7 +113,7 @@ def write_table(path: Path, scene: str = "a <i>scene</i> &amp; more") -> None:
     """Three methods and two sample counts, four runs each; a fourth method that failed."""
     common = {
         "scene": scene, "width": WIDTH, "height": HEIGHT, "reference_mse": 1e-7, "threads": 2,
-        "machine": "a processor", "version": "0.0.0", "schema": 5, "reference": REFERENCE_HASH,
+        "machine": "a processor", "version": "0.0.0", "schema": 6, "reference": REFERENCE_HASH,
     }  # fmt: skip
     rows = []
     for place, method in enumerate(METHODS):
