@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 import pytest
 import safetensors.numpy
 import torch
@@ -18,7 +19,7 @@ from nst_train.__main__ import main
 from nst_train.errors import UserError
 from nst_train.guard_data import files
 from nst_train.guard_data.read import Picture
-from nst_train.guard_training import data, descent, forms, scores, settings, stored, studies, table
+from nst_train.guard_training import data, descent, forms, make, scores, settings, stored, studies, table
 from nst_train.guard_training.forms import METRICS
 from nst_train.guard_training.stored import LISTS
 from nst_train.guard_training.table import EXPERTS, INPUTS, Table
@@ -431,6 +432,23 @@ open(f"{TABLES}/asked", "a").write(f"{scene} {told['--experts']}\\n")
 """
 
 
+def test_features_are_left_out_of_some_pictures_that_are_trained_on(tmp_path: Path) -> None:
+    def picture(number: int, held_out: bool) -> Picture:
+        sequence = Path("8-0.exr")
+        return Picture(f"room-{number:03}", "room", held_out, 8, sequence, (sequence, sequence), 512)
+
+    lacking = [make.features_left_out(picture(number, held_out=False)) for number in range(200)]
+    shares = [lacking.count(features) / 200 for features in ((), ("emission",), make.FEATURES)]
+    assert all(abs(share - told) < 0.12 for share, told in zip(shares, (0.6, 0.2, 0.2), strict=True))
+    assert not any(make.features_left_out(picture(number, held_out=True)) for number in range(50))
+    content = {name: np.ones((2, 3), np.float32) for name in ("R", "G", "B", "albedo0.R", "emission.G")}
+    OpenEXR.File({"samplesPerPixel": 8}, content).write(str(tmp_path / "a.exr"))
+    files.without(tmp_path / "a.exr", tmp_path / "b.exr", ("emission",))
+    with OpenEXR.File(str(tmp_path / "b.exr"), separate_channels=True) as left:
+        assert sorted(left.channels()) == ["B", "G", "R", "albedo0.R"]
+    assert files.samples(tmp_path / "b.exr") == 8
+
+
 def test_tables_are_made_once_and_a_failure_does_not_end_the_rest(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -445,6 +463,7 @@ def test_tables_are_made_once_and_a_failure_does_not_end_the_rest(
     binary.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{script}" "$@"\n')
     binary.chmod(0o755)
     monkeypatch.setenv("NST", str(binary))
+    monkeypatch.setattr(make, "features_left_out", lambda _: ())
     plain = halves[0] + 0.1 * rng.standard_normal(halves[0].shape)
     for scene, held_out in (("room-000", False), ("room-001", False), ("maze-000", True)):
         place = pictures / scene
