@@ -155,8 +155,8 @@ def by_picture(rows: list[dict[str, str]]) -> Errors:
     return sums  # sums over as many runs for each method: ratios are those of means
 
 
-def ratios(pictures: Errors, group: str, method: str, spp: str | None = None) -> Ratios:
-    chosen = [of for key, of in pictures.items() if key[0] == group and spp in (None, key[2])]
+def ratios(pictures: Errors, group: str | None, method: str, spp: str | None = None) -> Ratios:
+    chosen = [of for key, of in pictures.items() if group in (None, key[0]) and spp in (None, key[2])]
     metrics = range(len(METRICS))
     best = [[min(of[PLAIN][m], of[OIDN][m]) for of in chosen] for m in metrics]
     return Ratios(
@@ -175,6 +175,34 @@ def summary(pictures: Errors) -> list[str]:
         of_s = [both(found.mean("to_s")), both(found.worst("to_s")), above]
         of_min = [both(found.mean("to_min")), both(found.worst("to_min"))]
         lines.append(cells([f"{count}, {SETS[group]}", f"`{experts}`", guard, *of_s, *of_min]))
+    return lines
+
+
+def overall(pictures: Errors) -> list[str]:
+    """T/min of the network over all pictures, and its errors over those of the closed form."""
+    heads = [
+        "experts",
+        "pictures",
+        "T/min(S, OIDN)",
+        *(f"over the closed form, {name}" for name in ["all", *SETS.values()]),
+    ]
+    lines = [cells([*heads, f"above {LIMIT}", "largest"]), "|---" * (len(heads) + 2) + "|"]
+    for experts in LISTS:
+        closed, learned = (f"{guard} {experts}" for guard in GUARDS)
+        all_of_them = ratios(pictures, None, learned)
+        means, beside = [], []
+        for group in (None, *SETS):
+            of_both = [ratios(pictures, group, method).to_s for method in (learned, closed)]
+            beside.append(
+                [[t / c for t, c in zip(*pair, strict=True)] for pair in zip(*of_both, strict=True)]
+            )
+            means.append(both([geometric_mean(values) for values in beside[-1]]))
+        above = sum(max(pair) > LIMIT for pair in zip(*beside[0], strict=True))
+        largest = both([max(values) for values in beside[0]])
+        count = len(all_of_them.to_min[0])
+        lines.append(
+            cells([f"`{experts}`", str(count), both(all_of_them.mean("to_min")), *means, str(above), largest])
+        )
     return lines
 
 
@@ -242,6 +270,7 @@ def blocks() -> dict[str, list[str]]:
     pictures = by_picture(rows)
     return {
         "summary": summary(pictures),
+        "overall": overall(pictures),
         "by samples": by_samples(pictures),
         "told": told(rows),
         "curve": curve(),

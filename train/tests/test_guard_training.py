@@ -190,7 +190,8 @@ def test_the_same_seed_gives_the_same_bytes_and_another_does_not(tmp_path: Path)
 def test_a_curve_has_a_row_for_each_number_of_scenes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(studies, "CURVE", (1, 3, 40))
     write_set(tmp_path, pictures=4, held_out=1)
-    studies.curve(config(steps=4), tmp_path, tmp_path / "curve.csv")
+    items = data.load(tmp_path, config())
+    studies.curve(config(steps=4), items, tmp_path, tmp_path / "curve.csv")
     rows = read_rows(tmp_path / "curve.csv")
     assert [row["scenes"] for row in rows] == ["0", "1", "3", "4"] * len(LISTS)
     assert all(float(row[name]) > 0 for row in rows for name in studies.SUMMARY)
@@ -205,7 +206,8 @@ def test_ablations_have_a_row_for_each_variant(tmp_path: Path, monkeypatch: pyte
     variants = [studies.VARIANTS[0], studies.Variant("1 × 4", {"hidden": [4]})]
     monkeypatch.setattr(studies, "VARIANTS", variants)
     write_set(tmp_path, pictures=2, held_out=1)
-    studies.ablations(config(steps=4), tmp_path, tmp_path / "ablations.csv")
+    items = data.load(tmp_path, config())
+    studies.ablations(config(steps=4), items, tmp_path, tmp_path / "ablations.csv")
     rows = read_rows(tmp_path / "ablations.csv")
     assert [row["network"] for row in rows] == ["closed", "as it is", "1 × 4"] * len(LISTS)
     assert [row["parameters"] for row in rows[:3]] == ["0", "627", f"{18 * 4 + 4 + 4 * 3 + 3}"]

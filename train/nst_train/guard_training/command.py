@@ -17,11 +17,8 @@ def say(line: str) -> None:
     print(line, flush=True)
 
 
-def run(config: Settings, folder: Path, out: Path) -> None:
+def run(config: Settings, items: list[Item], folder: Path, out: Path) -> None:
     """Writes the weights, scores and losses to `out`."""
-    claim(out, config)
-    torch.set_num_threads(1)  # it is small
-    items = data.load(folder, config)
     say(f"{config.name}: {len(scenes_of(items))} scenes, {len(items)} pictures and lists of experts")
     model, losses = descent.train(config, items, say)
     evaluation.write_csv(out / "history.csv", ["step", "loss"], enumerate(losses, 1))
@@ -85,10 +82,14 @@ def main(argv: list[str]) -> int:
     def work() -> None:
         config = settings.load(arguments.config)
         if arguments.out:
-            run(config, arguments.folder, arguments.out)
+            claim(arguments.out, config)
+        torch.set_num_threads(1)  # it is small
+        items = data.load(arguments.folder, config)
+        if arguments.out:
+            run(config, items, arguments.folder, arguments.out)
         if arguments.curve:
-            studies.curve(config, arguments.folder, arguments.curve, say)
+            studies.curve(config, items, arguments.folder, arguments.curve, say)
         if arguments.ablations:
-            studies.ablations(config, arguments.folder, arguments.ablations, say)
+            studies.ablations(config, items, arguments.folder, arguments.ablations, say)
 
     return exit_code(work)

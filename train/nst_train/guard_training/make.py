@@ -44,17 +44,19 @@ def make_one(picture: Picture, path: Path) -> None:
     plain, *halves = (
         np.moveaxis(files.read(each), -1, 0) for each in (picture.sequence, *picture.references)
     )
-    stored.write(path, picture, plain, [look(picture, experts) for experts in LISTS], np.stack(halves))
-
-
-def look(picture: Picture, experts: str) -> Table:
     with tempfile.TemporaryDirectory() as temporary:
-        told, sequence = Path(temporary) / "guard.safetensors", picture.sequence
+        sequence = picture.sequence
         if lacking := features_left_out(picture):
             sequence = Path(temporary) / "sequence.exr"
             files.without(picture.sequence, sequence, lacking)
-        run("guard-table", sequence, "--experts", experts, "-o", told)
-        found = table.read(told)
+        tables = [look(sequence, experts, Path(temporary) / "guard.safetensors") for experts in LISTS]
+    stored.write(path, picture, plain, tables, np.stack(halves))
+
+
+def look(sequence: Path, experts: str, told: Path) -> Table:
+    """What `nst` tells of a sequence, which it writes to a file."""
+    run("guard-table", sequence, "--experts", experts, "-o", told)
+    found = table.read(told)
     if set(found.experts) != set(experts.split(",")):
         raise UserError(f"asked for {experts}, nst tells of {','.join(found.experts)}")
     return found

@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 
 from nst_train import evaluation
-from nst_train.guard_training import data, descent, scores
+from nst_train.guard_training import descent, scores
 from nst_train.guard_training.data import Item, scenes_of
 from nst_train.guard_training.scores import CLOSED, Score
 from nst_train.guard_training.settings import Settings
@@ -60,10 +60,10 @@ VARIANTS = [
 ]
 
 
-def curve(config: Settings, folder: Path, path: Path, say: Callable[[str], None] = print) -> None:
+def curve(
+    config: Settings, items: list[Item], folder: Path, path: Path, say: Callable[[str], None] = print
+) -> None:
     """Scores of networks that saw fewer scenes, and of the closed form, which saw none."""
-    torch.set_num_threads(1)
-    items = data.load(folder, config)
     names = scenes_of(items)
     random.Random(config.seed).shuffle(names)
     models, pictures = {}, {CLOSED: (0, 0)}
@@ -82,10 +82,10 @@ def curve(config: Settings, folder: Path, path: Path, say: Callable[[str], None]
     say(f"wrote {path}")
 
 
-def ablations(config: Settings, folder: Path, path: Path, say: Callable[[str], None] = print) -> None:
-    """Scores of `VARIANTS`, each trained on all scenes, and of the closed form, which has no parameters."""
-    torch.set_num_threads(1)
-    items = data.load(folder, config)
+def ablations(
+    config: Settings, items: list[Item], folder: Path, path: Path, say: Callable[[str], None] = print
+) -> None:
+    """Scores of `VARIANTS`, each trained on all items, and of the closed form, which has no parameters."""
     models = {}
     for variant in VARIANTS:
         say(variant.name)
