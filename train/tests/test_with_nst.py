@@ -102,13 +102,16 @@ def test_random_scenes_are_rendered_without_faults(tmp_path: Path, branch: str) 
     means = torch.from_numpy(arrays["16"][0]).sum(dim=0) / 16  # [power, lane]
     # Pictures in EXR are f32, or f16 for colours: 1/2048.
     torch.testing.assert_close(means[1], picture.float(), rtol=1e-3, atol=1e-6)
-    assert (means[1] > 0).float().mean() > 0.1
+    # Dust, sparks and wires are in the black.
+    is_sparse = BRANCHES[branch].__module__.endswith(".sparse")
+    lit, seen = (0.0, 0.0) if is_sparse else (0.1, 0.3)
+    assert (means[1] > 0).float().mean() > lit
     reference = arrays["reference"].mean(axis=0)
     # Without what a small lamp adds to the pixels that meet it.
-    most = 5 * np.median(reference)
+    most = 5 * np.median(reference[reference > 0] if is_sparse else reference)
     clipped = means[1].clamp(max=most).mean().item()
     assert np.minimum(reference, most).mean() == pytest.approx(clipped, rel=0.8)
-    assert (reference > 1e-3 * reference.mean()).mean() > 0.3
+    assert (reference > 1e-3 * reference.mean()).mean() > seen
 
 
 def test_the_set_for_the_guard_is_what_nst_reads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -265,7 +265,7 @@ fn pictures_stay_when_a_bench_goes_on() {
 }
 
 /// Folds of one Halton sequence depend on each other: the plain estimates stay, and their errors.
-/// A list of experts has rows of its own, which is measured by the same guard.
+/// A list of experts has rows of its own, which are measured by the same guard.
 #[test]
 fn a_bench_of_the_guard() {
     let bench = Bench::new();

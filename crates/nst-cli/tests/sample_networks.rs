@@ -309,6 +309,10 @@ fn a_backend_without_effect() {
     let said =
         report(&bench, &render("--spp 8 --sequence s.exr -o x.exr --backend gpu --experts lane"));
     assert!(notes(&said).contains(words), "{said}");
+    // By default, what weighs the filter runs there, and the filter does not.
+    let said = report(&bench, "transform s.exr --backend gpu -o y.exr");
+    assert!(notes(&said).contains("--backend gpu: the expert 'filter' stays on the CPU"), "{said}");
+    assert_eq!(said["backend"], "gpu");
     let said = report(&bench, "transform s.exr --transform gmon --backend gpu -o y.exr");
     assert!(notes(&said).contains("nothing of 'gmon'"), "{said}");
     for options in ["--backend cpu", "--backend auto --experts lane,small"] {
