@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use nst_core::{Estimates, Strips};
 use nst_files::{
     output::{Name, Outputs},
-    sequence_file::{SequenceInfo, SequenceReader},
+    sequence_file::{KeptStrips, SequenceInfo, SequenceReader},
 };
 
 use super::picture_files::{Further, PictureFiles, header};
@@ -39,7 +39,11 @@ pub(super) fn run(args: &TransformArgs) -> Result<Summary, Error> {
         None => (&default, Name::Default),
     };
     let mut files = PictureFiles::open(&mut outputs, path, name)?;
-    let lanes = write(args, &mut watch, &method, &mut reader, &info, &mut files)?;
+    let strips: Box<dyn Strips> = match method.transform.requires().fits {
+        true => Box::new(KeptStrips::new(reader)),
+        false => Box::new(reader),
+    };
+    let lanes = write(args, &mut watch, &method, strips, &info, &mut files)?;
     let files = timed(&mut watch.io, || files.commit())?;
     Ok(watch.summary(None, &method, lanes, files, (notes, 0)))
 }
@@ -49,7 +53,7 @@ fn write(
     args: &TransformArgs,
     watch: &mut Stopwatch,
     method: &Method,
-    reader: &mut SequenceReader,
+    mut strips: Box<dyn Strips>,
     info: &SequenceInfo,
     files: &mut PictureFiles,
 ) -> Result<Outcome, Error> {
@@ -58,7 +62,7 @@ fn write(
         info.size.map(u64::from).iter().product::<u64>() * info.model.channels().len() as u64;
     let before = format!("reading {}", args.sequence.display());
     let progress = Progress::count(&before, "transform", lanes_in_all, &args.common);
-    let mut strips = TimedStrips { strips: reader, time: Duration::ZERO };
+    let mut strips = TimedStrips { strips: &mut *strips, time: Duration::ZERO };
     let seconds = Some(info.render_seconds).filter(|&seconds| seconds > 0.0);
     seconds.into_iter().for_each(|seconds| method.rendered_in(seconds));
     let fitted = method.transform.fit(&mut strips)?;

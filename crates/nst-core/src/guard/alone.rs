@@ -63,7 +63,7 @@ impl<E: Expert> Transform for Alone<E> {
     /// Finds the unit, as the guard does.
     fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
         let mut learning = self.learning();
-        learning.sample.add_all(strips)?;
+        learning.sample.add_all(strips, 0)?;
         Box::new(learning).finish()
     }
 

@@ -31,8 +31,9 @@ impl<const N: usize> Hats<N> {
     pub(super) fn place(&self, x: f32) -> Place {
         let per_step = (N - 1) as f32 / (self.high - self.low);
         let at = (x.max(self.low).min(self.high) - self.low) * per_step;
-        let first = (at as u8).min(N as u8 - 2);
-        Place { first, share: at - f32::from(first) }
+        // By way of 32 bits, as vector instructions have it.
+        let first = (at as i32).min(N as i32 - 2);
+        Place { first: first as u8, share: at - first as f32 }
     }
 }
 
@@ -44,16 +45,16 @@ impl Place {
 
     /// Both knots with their shares.
     #[inline(always)]
-    pub(super) fn knots(&self) -> [(usize, f64); 2] {
-        let (first, share) = (usize::from(self.first), f64::from(self.share));
-        [(first, 1.0 - share), (first + 1, share)]
+    pub(super) fn knots(&self) -> [(usize, f32); 2] {
+        let first = usize::from(self.first);
+        [(first, 1.0 - self.share), (first + 1, self.share)]
     }
 }
 
 /// The four cells of a grid that a pair of places lies between, with its shares of them; cells
 /// are numbered row by row.
 #[inline(always)]
-pub(super) fn grid_cells(row: Place, column: Place, columns: usize) -> [(usize, f64); 4] {
+pub(super) fn grid_cells(row: Place, column: Place, columns: usize) -> [(usize, f32); 4] {
     let ([(top, a), (bottom, b)], [(left, c), (right, d)]) = (row.knots(), column.knots());
     let (top, bottom) = (top * columns, bottom * columns);
     [(top + left, a * c), (top + right, a * d), (bottom + left, b * c), (bottom + right, b * d)]
@@ -80,8 +81,12 @@ mod tests {
         // What is linear between knots is found again.
         let line = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|x| 3.0 * x + 1.0);
         for x in [-1.9_f32, -0.3, 0.0, 1.7] {
-            let between: f64 =
-                hats.place(x).knots().iter().map(|(knot, share)| share * line[*knot]).sum();
+            let between: f64 = hats
+                .place(x)
+                .knots()
+                .iter()
+                .map(|(knot, share)| f64::from(*share) * line[*knot])
+                .sum();
             // Shares are in f32.
             assert!((between - (3.0 * f64::from(x) + 1.0)).abs() < 1e-6);
         }

@@ -47,8 +47,8 @@ pub(super) struct ErrorRatios([f64; STRATA]);
 impl ErrorRatios {
     /// That of a lane.
     #[inline(always)]
-    pub(super) fn at(&self, strata: Strata) -> f64 {
-        cells(strata).iter().map(|&(cell, share)| share * self.0[cell]).sum()
+    pub(super) fn at(&self, strata: Strata) -> f32 {
+        cells(strata).iter().map(|&(cell, share)| share * self.0[cell] as f32).sum()
     }
 }
 
@@ -160,7 +160,7 @@ impl Judged {
         self.trust.iter_mut().zip(w).for_each(|(trust, w)| *trust += w);
         for (stratum, share) in cells(changes.strata[all_folds][lane]) {
             let sums = self.strata[stratum].iter_mut().zip([change, variance, of_samples]);
-            sums.for_each(|(sum, of_lane)| *sum += share * of_lane);
+            sums.for_each(|(sum, of_lane)| *sum += f64::from(share) * of_lane);
         }
         [change, variance]
     }

@@ -68,15 +68,9 @@ impl Corrections {
     /// What they change, in the order of [`CORRECTIONS`], `[expert][lane]`, by the half that each
     /// lane is in: the other half teaches.
     fn changes(&self, lanes: &Lanes, halves: &[u8]) -> Vec<Vec<f32>> {
-        let mut changes = vec![vec![0.0; halves.len()]; CORRECTIONS.len()];
-        let [of_relative, of_absolute, of_table] = &mut changes[..] else { unreachable!() };
-        let experts = of_relative.iter_mut().zip(of_absolute).zip(of_table).zip(halves);
-        for (lane, (((relative, absolute), table), &half)) in experts.enumerate() {
-            let bounds = lanes.bounds(lane);
-            let of_regressions = self.regressions.changes(lanes, lane, half.into());
-            [*relative, *absolute] = of_regressions.map(|change| bounds.of(change));
-            *table = bounds.of(self.table.change(lanes, lane, half.into()));
-        }
+        let [relative, absolute] = self.regressions.changes(lanes, halves);
+        let mut changes = vec![relative, absolute, self.table.changes(lanes, halves)];
+        changes.iter_mut().for_each(|changes| lanes.bound(changes));
         changes
     }
 }
@@ -108,8 +102,17 @@ impl Guard {
     /// # Errors
     /// Those of `strips`.
     pub fn measure<'a>(&'a self, strips: &mut dyn Strips) -> Result<FittedGuard<'a>, Error> {
+        self.measure_within(strips, 0)
+    }
+
+    /// The same of strips that are read with a halo, as others read them.
+    pub(super) fn measure_within<'a>(
+        &'a self,
+        strips: &mut dyn Strips,
+        halo: u32,
+    ) -> Result<FittedGuard<'a>, Error> {
         let mut sample = Sample::new(self.powers());
-        sample.add_all(strips)?;
+        sample.add_all(strips, halo)?;
         Ok(self.learn(sample))
     }
 
@@ -332,7 +335,7 @@ struct Blend {
 impl Blend {
     /// The standard error of a value.
     fn error(&self, lane: usize, ratios: &ErrorRatios) -> f32 {
-        self.lanes.variance[lane].sqrt() * ratios.at(self.strata[lane]) as f32
+        self.lanes.variance[lane].sqrt() * ratios.at(self.strata[lane])
     }
 }
 

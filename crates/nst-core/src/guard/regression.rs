@@ -13,7 +13,7 @@
 //! brightness, by the square of that.
 //! What half of the chessboard teaches is applied to the other half.
 
-use std::ops::Range;
+use std::{array::from_fn, ops::Range};
 
 use super::{sample::Sample, view::Lanes};
 use crate::cholesky::solve_in_place;
@@ -35,9 +35,15 @@ const POWERS: [i32; 2] = [2, 1];
 /// c of each regression, by the half that it was learnt from.
 #[derive(Clone, Debug)]
 pub(super) struct Regressions {
-    /// `[half][feature][regression]`
-    coefficients: [[[f64; POWERS.len()]; FEATURES]; 2],
+    /// `[half][regression][feature]`
+    coefficients: [[[f32; FEATURES]; POWERS.len()]; 2],
 }
+
+/// Lanes that are computed together, so that the compiler makes vector instructions of it.
+const PACKET: usize = 16;
+
+/// Numbers of these lanes.
+type Packet = [f32; PACKET];
 
 /// The normal equations of one regression and one half.
 #[derive(Clone)]
@@ -68,49 +74,78 @@ impl Regressions {
             pairs.for_each(|(sum, part)| sum.add(part));
         }
         let solved = total.map(|halves| halves.map(Equations::solve));
-        let of_half =
-            |half: usize| std::array::from_fn(|f| solved.each_ref().map(|halves| halves[half][f]));
-        Self { coefficients: [0, 1].map(of_half) }
+        let coefficients =
+            from_fn(|half| solved.each_ref().map(|halves| halves[half].map(|c| c as f32)));
+        Self { coefficients }
     }
 
-    /// The changes of a lane whose pixel is in this half, learnt from the other half.
-    #[inline(always)]
-    pub(super) fn changes(&self, lanes: &Lanes, lane: usize, half: usize) -> [f64; POWERS.len()] {
-        let x = inputs(lanes, lane);
-        let coefficients = &self.coefficients[1 - half];
-        let mut sums = [0.0; POWERS.len()];
-        let mut first = 0;
-        for i in 0..INPUTS {
-            // c_i0 + c_i1 x_1 + … + c_ii x_i
-            let mut factors = coefficients[first];
-            for j in 1..=i {
-                let more = factors.iter_mut().zip(&coefficients[first + j]);
-                more.for_each(|(factor, c)| *factor += c * x[j]);
+    /// What they change, `[lane]` each, by the half that each lane is in: the other half teaches.
+    pub(super) fn changes(&self, lanes: &Lanes, halves: &[u8]) -> [Vec<f32>; POWERS.len()] {
+        let mut changes = POWERS.map(|_| vec![0.0; halves.len()]);
+        for first in (0..halves.len()).step_by(PACKET) {
+            let part = first..halves.len().min(first + PACKET);
+            let x = inputs(lanes, part.clone());
+            let mut scales = [0.0; PACKET];
+            for (scale, mean) in scales.iter_mut().zip(&lanes.mean[part.clone()]) {
+                *scale = mean.abs() + lanes.least_scale() as f32;
             }
-            sums.iter_mut().zip(factors).for_each(|(sum, factor)| *sum += factor * x[i]);
-            first += i + 1;
+            for (regression, changes) in changes.iter_mut().enumerate() {
+                let both = self.coefficients.each_ref().map(|of| quadratic(&of[regression], &x));
+                let of_lanes = changes[part.clone()].iter_mut().zip(&halves[part.clone()]);
+                for (k, (change, half)) in of_lanes.enumerate() {
+                    let relative = if *half == 0 { both[1][k] } else { both[0][k] };
+                    *change = relative * scales[k];
+                }
+            }
         }
-        sums.map(|sum| sum * lanes.scale(lane))
+        changes
     }
 }
 
-/// x of a lane.
+/// Σ_{j ≤ i} c_ij x_i x_j
 #[inline(always)]
-fn inputs(lanes: &Lanes, lane: usize) -> [f64; INPUTS] {
-    let size = f64::from(lanes.mean[lane]).abs();
+fn quadratic(coefficients: &[f32; FEATURES], x: &[Packet; INPUTS]) -> Packet {
+    let mut sums = [0.0; PACKET];
+    let mut first = 0;
+    for i in 0..INPUTS {
+        // c_i0 + c_i1 x_1 + … + c_ii x_i
+        let mut factors = [coefficients[first]; PACKET];
+        for j in 1..=i {
+            for k in 0..PACKET {
+                factors[k] += coefficients[first + j] * x[j][k];
+            }
+        }
+        for k in 0..PACKET {
+            sums[k] += factors[k] * x[i][k];
+        }
+        first += i + 1;
+    }
+    sums
+}
+
+/// x of some lanes, then zeros.
+#[inline(always)]
+fn inputs(lanes: &Lanes, part: Range<usize>) -> [Packet; INPUTS] {
+    let packet = |numbers: &[f32]| {
+        let mut packet = [0.0; PACKET];
+        packet[..part.len()].copy_from_slice(&numbers[part.clone()]);
+        packet
+    };
+    let unit = lanes.unit as f32;
     [
-        1.0,
-        f64::from(lanes.log_scale[lane]) / 2.0,
-        lanes.root_spread[lane].sqrt().into(),
-        f64::from(lanes.log_spread[lane]) / 3.0,
-        size / (size + lanes.unit),
+        [1.0; PACKET],
+        packet(&lanes.log_scale).map(|x| x / 2.0),
+        packet(&lanes.root_spread).map(f32::sqrt),
+        packet(&lanes.log_spread).map(|x| x / 3.0),
+        packet(&lanes.mean).map(|mean| mean.abs() / (mean.abs() + unit)),
     ]
 }
 
 /// What a lane of a view adds to the equations: s x_i x_j are its features.
 #[inline(always)]
 fn row(view: &Lanes, lane: usize, missing: f32) -> Row {
-    let (x, scale) = (inputs(view, lane), view.scale(lane));
+    let x: [f64; INPUTS] = inputs(view, lane..lane + 1).map(|x| x[0].into());
+    let scale = view.scale(lane);
     let mut columns = [0.0; COLUMNS];
     let mut next = 0;
     for i in 0..INPUTS {

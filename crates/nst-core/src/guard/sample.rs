@@ -101,12 +101,12 @@ impl Sample {
         !self.lacks_folds
     }
 
-    /// Adds all strips.
+    /// Adds all strips, which are read with such a halo.
     ///
     /// # Errors
     /// Those of `strips`.
-    pub(super) fn add_all(&mut self, strips: &mut dyn Strips) -> Result<(), Error> {
-        strips.rewind(0)?;
+    pub(super) fn add_all(&mut self, strips: &mut dyn Strips, halo: u32) -> Result<(), Error> {
+        strips.rewind(halo)?;
         while let Some(strip) = strips.next_strip()?
             && self.add(&strip)
         {}
@@ -171,15 +171,16 @@ impl Sample {
         further.map(|(power, folds)| (*power, folds.each_ref().map(Vec::as_slice))).collect()
     }
 
-    /// Adds the pixels of the next strip whose hashes begin with the most zeros. Which are left
-    /// in the end does not depend on how the batch is cut.
+    /// Adds the pixels of the next strip's inner rows whose hashes begin with the most zeros. Which
+    /// are left in the end does not depend on how the batch is cut.
     fn add_pixels(&mut self, strip: &SequenceBatch, means: &FoldMeans<'_>) {
         self.has_grid = strip.grid().is_some();
         self.channels = strip.grid().map_or(1, |grid| grid.channels());
         let pixels = strip.lanes() / self.channels;
+        let inner = strip.grid().map_or(0..pixels, |grid| grid.lanes_of(0, grid.inner_rows()));
         let first = self.pixels_of_batch();
-        let zeros = |pixel: usize| mix((first + pixel) as u64).leading_zeros() as u8;
-        (0..pixels).for_each(|pixel| self.zeros[usize::from(zeros(pixel))] += 1);
+        let zeros = |pixel: usize| mix((first + pixel - inner.start) as u64).leading_zeros() as u8;
+        inner.clone().for_each(|pixel| self.zeros[usize::from(zeros(pixel))] += 1);
         let least = self.least_zeros();
         self.thin_out(least);
         let powers: Vec<_> = self.further.iter().map(|(power, _)| *power).collect();
@@ -191,7 +192,7 @@ impl Sample {
             let of_fold = |values: &&[f32]| lanes_of(pixel).all(|lane| values[lane].is_finite());
             means.iter().flatten().all(of_fold)
         };
-        let wanted = (0..pixels).filter(|&pixel| zeros(pixel) >= least && finite(pixel));
+        let wanted = inner.clone().filter(|&pixel| zeros(pixel) >= least && finite(pixel));
         let wanted: Vec<usize> = wanted.collect();
         let pixel = |&pixel: &usize| Pixel { half: strip.half(pixel) as u8, zeros: zeros(pixel) };
         self.pixels.extend(wanted.iter().map(pixel));

@@ -29,7 +29,7 @@ const CAUTION: f64 = 2.0;
 /// g of the cells, for each half that they were learnt from.
 #[derive(Clone, Debug)]
 pub(super) struct Table {
-    changes: [[f64; CELLS]; 2],
+    changes: [[f32; CELLS]; 2],
 }
 
 /// Sums of the cells, by the half that the pixels are in.
@@ -54,26 +54,27 @@ impl Table {
         let change = |half: usize, cell: usize| {
             let (product, scale) = (sums.products[half][cell], sums.scales[half][cell]);
             let gain = product / scale * certainty(product, sums.noise[half][cell], CAUTION);
-            if gain.is_finite() { gain } else { 0.0 }
+            if gain.is_finite() { gain as f32 } else { 0.0 }
         };
         Self { changes: [0, 1].map(|half| std::array::from_fn(|cell| change(half, cell))) }
     }
 
-    /// The change of a lane whose pixel is in this half, learnt from the other half.
-    #[inline(always)]
-    pub(super) fn change(&self, lanes: &Lanes, lane: usize, half: usize) -> f64 {
-        let changes = &self.changes[1 - half];
-        let mut sum = 0.0;
-        for (cell, share) in cells(lanes, lane) {
-            sum += share * changes[cell];
-        }
-        sum * lanes.scale(lane)
+    /// What it changes, `[lane]`, by the half that each lane is in: the other half teaches.
+    pub(super) fn changes(&self, lanes: &Lanes, halves: &[u8]) -> Vec<f32> {
+        let least = lanes.least_scale() as f32;
+        let change = |(lane, (mean, &half)): (usize, (&f32, &u8))| {
+            let changes = &self.changes[1 - usize::from(half)];
+            let sum: f32 =
+                cells(lanes, lane).map(|(cell, share)| share * changes[cell]).iter().sum();
+            sum * (mean.abs() + least)
+        };
+        lanes.mean.iter().zip(halves).enumerate().map(change).collect()
     }
 }
 
 /// The four cells that a lane lies between, and its shares of them.
 #[inline(always)]
-fn cells(lanes: &Lanes, lane: usize) -> [(usize, f64); 4] {
+fn cells(lanes: &Lanes, lane: usize) -> [(usize, f32); 4] {
     grid_cells(lanes.brightness(lane), lanes.spread(lane), COLUMNS)
 }
 
@@ -96,6 +97,7 @@ impl Sums {
                 for lane in sample.lanes_of(pixel) {
                     let scale = view.scale(lane);
                     for (cell, share) in cells(view, lane) {
+                        let share = f64::from(share);
                         let product = share * scale * f64::from(missing[lane]);
                         sums.scales[half][cell] += share * scale * scale;
                         sums.products[half][cell] += product;

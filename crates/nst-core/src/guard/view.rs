@@ -27,7 +27,7 @@ const CERTAIN: f64 = 0.001;
 const DARK: f64 = 1e-9;
 
 /// The most standard errors of S that a correction may be: what lies farther is no noise.
-const MOST_ERRORS: f64 = 2.0;
+const MOST_ERRORS: f32 = 2.0;
 
 /// Statistics of lanes over the folds that are not held out, `[lane]`.
 #[derive(Clone, Debug)]
@@ -152,7 +152,12 @@ fn power_means(power: Power, folds: &[&[f32]; FOLDS], shares: &[f64; FOLDS]) -> 
 impl Lanes {
     /// s = |S| + .01 u
     pub(super) fn scale(&self, lane: usize) -> f64 {
-        f64::from(self.mean[lane]).abs() + FLOOR * self.unit
+        f64::from(self.mean[lane]).abs() + self.least_scale()
+    }
+
+    /// .01 u
+    pub(super) fn least_scale(&self) -> f64 {
+        FLOOR * self.unit
     }
 
     /// Where the brightness of S lies.
@@ -177,32 +182,19 @@ impl Lanes {
         logs.into_iter().map(|log| BRIGHTNESS.place(log))
     }
 
-    /// Within what a correction of a lane may be noise of S. Towards 0 it ends there. Away from 0
-    /// it is the smaller the more S depends on few samples: those are bright by chance more often
-    /// than others are dark.
-    #[inline(always)]
-    pub(super) fn bounds(&self, lane: usize) -> Bounds {
-        let mean = f64::from(self.mean[lane]);
-        let most = MOST_ERRORS * f64::from(self.variance[lane].sqrt());
-        let away = most * (1.0 - f64::from(self.root_spread[lane]));
-        let towards = most.min(mean.abs());
-        let (down, up) = if mean < 0.0 { (away, towards) } else { (towards, away) };
-        Bounds { down, up }
-    }
-}
-
-/// How far a correction may go.
-#[derive(Clone, Copy)]
-pub(super) struct Bounds {
-    down: f64,
-    up: f64,
-}
-
-impl Bounds {
-    /// The correction within these bounds.
-    #[inline(always)]
-    pub(super) fn of(self, change: f64) -> f32 {
-        // A NaN is no change; and bounds may be one, in lanes that keep S.
-        if change.is_nan() { 0.0 } else { change.max(-self.down).min(self.up) as f32 }
+    /// Keeps corrections, `[lane]`, within what may be noise of S. Towards 0 it ends there. Away
+    /// from 0 it is the smaller the more S depends on few samples: those are bright by chance more
+    /// often than others are dark.
+    pub(super) fn bound(&self, corrections: &mut [f32]) {
+        let lanes = self.mean.iter().zip(&self.variance).zip(&self.root_spread);
+        for (correction, ((&mean, &variance), &root_spread)) in corrections.iter_mut().zip(lanes) {
+            let most = MOST_ERRORS * variance.sqrt();
+            let away = most * (1.0 - root_spread);
+            let towards = most.min(mean.abs());
+            let (down, up) = if mean < 0.0 { (away, towards) } else { (towards, away) };
+            // A NaN is no change; and bounds may be one, in lanes that keep S.
+            let change = if correction.is_nan() { 0.0 } else { *correction };
+            *correction = change.max(-down).min(up);
+        }
     }
 }

@@ -48,7 +48,7 @@ pub(super) struct Changes<'a> {
 /// The weights of the experts in each stratum, by the half that they were learnt from.
 #[derive(Clone, Debug)]
 pub(super) struct Weights {
-    strata: [[[f64; MOST]; STRATA]; 2],
+    strata: [[[f32; MOST]; STRATA]; 2],
     /// What is left of E[d (I − S)] of each expert with all folds, of that without one.
     pub(super) shares: [f64; MOST],
 }
@@ -115,7 +115,9 @@ impl Weights {
         }
         let shrinkage = changes.shrinkage();
         let shares = shares(&shrinkage);
-        let strata = total.map(|half| weights(&smoothed(&half), &shrinkage, &shares));
+        let strata = total.map(|half| {
+            weights(&smoothed(&half), &shrinkage, &shares).map(|of| of.map(|w| w as f32))
+        });
         Self { strata, shares }
     }
 
@@ -126,7 +128,7 @@ impl Weights {
         let mut weights = [0.0; MOST];
         for (cell, share) in cells(strata) {
             for (weight, w) in weights.iter_mut().zip(&of_half[cell]) {
-                *weight += share * w;
+                *weight += f64::from(share * w);
             }
         }
         weights
@@ -144,15 +146,15 @@ impl Weights {
     ) -> f32 {
         let of_half = &self.strata[1 - half];
         let cells = cells(strata).map(|(cell, share)| (&of_half[cell], share));
-        let mut estimate = f64::from(plain);
+        let mut estimate = plain;
         for (expert, of_expert) in changes.iter().enumerate().take(MOST) {
             let mut weight = 0.0;
             for (weights, share) in cells {
                 weight += share * weights[expert];
             }
-            estimate += weight * f64::from(of_expert[lane]);
+            estimate += weight * of_expert[lane];
         }
-        estimate as f32
+        estimate
     }
 }
 
@@ -161,7 +163,7 @@ pub(super) type Strata = [Place; 2];
 
 /// The four strata that a lane lies between, and its shares of them.
 #[inline(always)]
-pub(super) fn cells([brightness, uncertainty]: Strata) -> [(usize, f64); 4] {
+pub(super) fn cells([brightness, uncertainty]: Strata) -> [(usize, f32); 4] {
     grid_cells(brightness, uncertainty, COLUMNS)
 }
 
@@ -190,6 +192,7 @@ fn sums(changes: &Changes<'_>, pixels: Range<usize>) -> [[Stratum; STRATA]; 2] {
                 let by_samples = SHARE * f64::from(changes.views[group].variance[lane]);
                 let by_folds = GROUPS as f64 * dispersion[group] * f64::from(missing[lane]).powi(2);
                 for (stratum, share) in cells(changes.strata[group][lane]) {
+                    let share = f64::from(share);
                     touched |= 1 << stratum;
                     let variances = sums[stratum].variances.iter_mut().zip([by_samples, by_folds]);
                     variances.for_each(|(sum, variance)| *sum += share * variance);

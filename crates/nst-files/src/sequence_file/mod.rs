@@ -7,6 +7,7 @@
 mod channels;
 mod feature_state;
 mod info;
+mod kept_strips;
 mod planes;
 mod power_state;
 mod reader;
@@ -15,6 +16,7 @@ mod whole;
 mod writer;
 
 pub use info::{ResumeInfo, SequenceInfo};
+pub use kept_strips::KeptStrips;
 pub use reader::SequenceReader;
 pub use whole::SequenceFile;
 pub use writer::SequenceWriter;

@@ -51,14 +51,20 @@ impl Sums {
 
     #[inline(always)]
     pub(super) fn add(&mut self, other: &Self, share: f64) {
-        self.add_of_group::<MOST>(other, share);
-        self.add_of_all::<MOST>(other, share);
+        self.add_of::<MOST>(other, share);
+    }
+
+    /// The same of so many experts.
+    #[inline(always)]
+    pub(super) fn add_of<const N: usize>(&mut self, other: &Self, share: f64) {
+        self.add_of_group::<N>(other, share);
+        self.add_of_all::<N>(other, share);
     }
 
     /// The same of b, the variance and the count.
     #[inline(always)]
-    pub(super) fn add_errors(&mut self, other: &Self, share: f64) {
-        self.add_of_group::<MOST>(other, share);
+    pub(super) fn add_errors<const N: usize>(&mut self, other: &Self, share: f64) {
+        self.add_of_group::<N>(other, share);
         self.count += share * other.count;
     }
 
@@ -223,10 +229,11 @@ fn add_pixel<const N: usize>(
             sums.variance += dispersion * missing * missing;
             sums.moments.add_products(&changes(held, lane), OF_S * missing);
         }
-        // What is not finite says nothing.
-        if sums.variance.is_finite() {
+        // What is not finite says nothing, and where nothing is missing, as in most pixels that see no
+        // lamp, sums are 0.
+        if sums.variance.is_finite() && sums.variance > 0.0 {
             for (knot, share) in held.places[pixel].knots() {
-                cell[knot].add_of_group::<N>(&sums, share);
+                cell[knot].add_of_group::<N>(&sums, share.into());
             }
         }
     }
@@ -237,7 +244,7 @@ fn add_pixel<const N: usize>(
     }
     if sums.moments.trace().is_finite() {
         for (knot, share) in all.places[pixel].knots() {
-            cell[knot].add_of_all::<N>(&sums, share);
+            cell[knot].add_of_all::<N>(&sums, share.into());
         }
     }
 }

@@ -47,7 +47,7 @@ impl<'a> Fits<'a> {
     /// Fits weights of the first `count` experts to what each half says.
     pub(super) fn new(cells: &'a Cells, count: usize) -> Self {
         let whole: Wholes = of_all(cells).map(|half| half.map(|sums| Whole::new(sums, count)));
-        let near = Near::new(cells);
+        let near = Near::new(cells, count);
         let rows: Vec<RowFit> = (0..cells.division.down)
             .into_par_iter()
             .map_init(Vec::new, |buffer, row| {
@@ -57,6 +57,11 @@ impl<'a> Fits<'a> {
             .collect();
         let shares = Shares::new(&rows);
         Self { cells, near, whole, rows, shares }
+    }
+
+    /// Sums of a view three times as wide.
+    pub(super) fn wide(&self) -> Near<'a> {
+        self.near.wide()
     }
 
     /// Writes the sums near a row of cells.

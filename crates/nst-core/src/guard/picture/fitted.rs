@@ -8,6 +8,7 @@ use super::{
         sample::GROUPS,
     },
     cells::{Cells, Held},
+    kept::Kept,
     layers::{EMITTED, Strip},
     learned::GuardMlp,
     panel::Panel,
@@ -18,16 +19,18 @@ use crate::{Error, Estimates, Fitted, Grid, SequenceBatch, Status};
 /// A [`PictureGuard`](super::PictureGuard) that has measured its experts on a picture.
 pub(super) struct FittedPicture<'a> {
     panel: Panel<'a>,
+    kept: Kept,
     /// Of the reflected layer, and of the emitted one if there is one.
     weights: Vec<Weights>,
     judgement: Judgement,
 }
 
 impl<'a> FittedPicture<'a> {
-    /// With weights by the sums of each layer; a network may correct those of the reflected one.
+    /// With weights by the sums of each layer; a network may correct those of the reflected one. What
+    /// the experts have said with all folds is kept.
     pub(super) fn new(
         panel: Panel<'a>,
-        cells: &[Cells],
+        (cells, kept): (&[Cells], Kept),
         network: Option<&GuardMlp>,
         mut notes: Vec<String>,
     ) -> Self {
@@ -52,7 +55,7 @@ impl<'a> FittedPicture<'a> {
                 Err(why) => left_out(why),
             }
         }
-        let mut fitted = Self { panel, weights, judgement: Judgement::default() };
+        let mut fitted = Self { panel, kept, weights, judgement: Judgement::default() };
         fitted.judgement = Judgement { learned: is_learned, ..fitted.judge(&gains, notes) };
         fitted
     }
@@ -184,6 +187,11 @@ impl Fitted for FittedPicture<'_> {
             self.keep_plain(batch, Status::NoFolds, out);
             return Ok(());
         };
+        let (first, inner) = (strip.grid.first_row() as usize, strip.grid.inner_rows());
+        if let Some(layers) = self.kept.of(&(first + inner.start..first + inner.end)) {
+            self.estimate(&strip, layers, out);
+            return Ok(());
+        }
         match self.panel.look(&strip, GROUPS) {
             Ok(layers) => self.estimate(&strip, &layers, out),
             Err(_) => self.keep_plain(batch, Status::ExpertFailed, out),

@@ -12,6 +12,7 @@ use super::{
     changes,
     cost::{TILE, TimeLimit, tile},
     fitted::FittedPicture,
+    kept::Kept,
     layers::{FEATURES, Strip},
     learned::GuardMlp,
     panel::{Failure, Panel},
@@ -100,7 +101,8 @@ impl PictureGuard {
             Error::Batch("no picture with statistics of folds that can be held out".into())
         })?;
         let panel = self.panel(lane, counts, unit);
-        let cells = self.measure(&panel, &mut strips, pixels)?.map_err(|failure| failure.error)?;
+        let measured = self.measure(&panel, &mut strips, pixels)?;
+        let (cells, _) = measured.map_err(|failure| failure.error)?;
         TrainingTable::new(&panel, &cells, batch)
     }
 
@@ -113,20 +115,21 @@ impl PictureGuard {
         halos.fold(changes::REACH, u32::max)
     }
 
-    /// Measures the experts on all strips: sums of each layer, or the expert that failed.
+    /// Measures the experts on all strips: sums of each layer, and what the experts say with all
+    /// folds; or the expert that failed.
     fn measure(
         &self,
         panel: &Panel<'_>,
         strips: &mut dyn Strips,
         pixels: usize,
-    ) -> Result<Result<Vec<Cells>, Failure>, Error> {
-        let mut cells: Vec<Cells> = Vec::new();
-        strips.rewind(self.halo())?;
+    ) -> Result<Result<(Vec<Cells>, Kept), Failure>, Error> {
+        let (mut cells, mut kept): (Vec<Cells>, _) = (Vec::new(), Kept::default());
+        strips.rewind(self.requires().halo())?;
         while let Some(batch) = strips.next_strip()? {
             let strip = Strip::new(&batch).expect("the guard of lanes has seen folds and a grid");
             // One by one: what they need meanwhile is not in memory for all of them.
             let views = (0..=GROUPS).map(|group| panel.look(&strip, group));
-            let views = match views.collect::<Result<Vec<_>, _>>() {
+            let mut views = match views.collect::<Result<Vec<_>, _>>() {
                 Ok(views) => views,
                 Err(failure) => return Ok(Err(failure)),
             };
@@ -135,19 +138,22 @@ impl PictureGuard {
                 let division = Division::new(width, pixels / width);
                 cells.resize_with(views[0].len(), || Cells::new(division));
             }
+            let first = strip.grid.first_row() as usize + inner.start;
             let halves = batch.halves(inner.start * width..inner.end * width);
             for (layer, cells) in cells.iter_mut().enumerate() {
                 let rows = Rows {
                     width,
                     channels: strip.grid.channels(),
-                    first: strip.grid.first_row() as usize + inner.start,
+                    first,
                     halves: &halves,
                     held: std::array::from_fn(|group| &views[group][layer]),
                 };
                 cells.add(&rows, &panel.counts);
             }
+            let (rows, with_all) = (first..first + inner.len(), views.swap_remove(GROUPS));
+            kept.keep(rows, with_all, inner.len() * width == pixels);
         }
-        Ok(Ok(cells))
+        Ok(Ok((cells, kept)))
     }
 
     /// Why the experts are left out of a picture of so many pixels, if they would take longer than
@@ -161,9 +167,7 @@ impl PictureGuard {
         if self.measure(panel, &mut Whole::new(&tile), TILE)?.is_err() {
             return Ok(None);
         }
-        // Experts look at all folds and without each group, and when all is measured, once more.
-        let looks = (GROUPS + 2) as f64 / (GROUPS + 1) as f64;
-        let time = start.elapsed().mul_f64(looks * pixels as f64 / TILE as f64);
+        let time = start.elapsed().mul_f64(pixels as f64 / TILE as f64);
         let (names, [time, limit]) = (self.names(), [time, limit].map(|it| it.as_secs_f64()));
         Ok((time > limit).then(|| {
             format!(
@@ -187,7 +191,8 @@ impl Transform for PictureGuard {
     }
 
     fn fit<'a>(&'a self, strips: &mut dyn Strips) -> Result<Box<dyn Fitted + 'a>, Error> {
-        let lane = self.lane.measure(strips)?;
+        // With the same halo each time, as strips may be kept as they are.
+        let lane = self.lane.measure_within(strips, self.requires().halo())?;
         let Some((counts, unit, pixels)) = lane.of_picture() else {
             return Ok(Box::new(lane));
         };
@@ -204,10 +209,10 @@ impl Transform for PictureGuard {
         }
         loop {
             match self.measure(&panel, strips, pixels)? {
-                Ok(cells) => {
+                Ok((cells, kept)) => {
                     // It has only seen lists with such experts.
                     let network = self.network.as_ref().filter(|_| !panel.experts.is_empty());
-                    return Ok(Box::new(FittedPicture::new(panel, &cells, network, notes)));
+                    return Ok(Box::new(FittedPicture::new(panel, (&cells, kept), network, notes)));
                 }
                 Err(Failure { expert, error }) => {
                     let expert = panel.experts.remove(expert);

@@ -21,6 +21,7 @@ mod cost;
 mod fits;
 mod fitted;
 mod guard;
+mod kept;
 mod layers;
 mod learned;
 mod near;

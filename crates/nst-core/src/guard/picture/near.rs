@@ -1,6 +1,13 @@
 //! Sums smoothed over what is near in the picture, and over brightness.
 
-use super::cells::{Cells, Division, HALVES, KNOTS, Sums};
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::{
+    cells::{Cells, Division, HALVES, KNOTS, Sums},
+    simplex::MOST,
+};
 
 /// σ of the distance, in pixels, up to which lanes are alike, and of a wider view.
 const DISTANCE: f64 = 8.0;
@@ -45,7 +52,7 @@ pub(super) fn over_brightness(sums: &[Sums; KNOTS]) -> [Sums; KNOTS] {
 /// what is near; b, too.
 pub(super) fn errors_over_brightness(sums: &[Sums]) -> [Sums; KNOTS] {
     let mut smooth = [Sums::default(); KNOTS];
-    along(&gaussian(BRIGHTNESS), sums, &mut smooth, Sums::add_errors);
+    along(&gaussian(BRIGHTNESS), sums, &mut smooth, Sums::add_errors::<MOST>);
     smooth
 }
 
@@ -62,59 +69,122 @@ fn along(kernel: &[f64], from: &[Sums], to: &mut [Sums], add: impl Fn(&mut Sums,
     }
 }
 
+/// Which sums of a cell are not empty, by their place: most are.
+type Occupied = u64;
+
+const OF_CELL: usize = HALVES * KNOTS;
+const _: () = assert!(OF_CELL <= Occupied::BITS as usize);
+
+/// The places, in their order.
+#[inline(always)]
+fn places(mut occupied: Occupied) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let place = occupied.trailing_zeros() as usize;
+        (occupied != 0).then(|| {
+            occupied &= occupied - 1;
+            place
+        })
+    })
+}
+
+/// Adds a share of the sums of a cell.
+#[inline(always)]
+fn add_cell(
+    to: &mut [Sums],
+    from: &[Sums],
+    occupied: Occupied,
+    share: f64,
+    add: impl Fn(&mut Sums, &Sums, f64),
+) {
+    let (to, from) = (&mut to[..OF_CELL], &from[..OF_CELL]);
+    places(occupied).for_each(|place| add(&mut to[place], &from[place], share));
+}
+
 /// Sums over what is near each cell.
 pub(super) struct Near<'a> {
     cells: &'a Cells,
+    /// `[row][column]`
+    occupied: Arc<[Occupied]>,
+    /// How many experts there are.
+    experts: usize,
     of_distance: Vec<f64>,
     of_brightness: Vec<f64>,
 }
 
 impl<'a> Near<'a> {
-    pub(super) fn new(cells: &'a Cells) -> Self {
-        Self::over(cells, DISTANCE, BRIGHTNESS)
+    pub(super) fn new(cells: &'a Cells, experts: usize) -> Self {
+        let occupied = cells.sums.par_chunks_exact(OF_CELL).map(|cell| {
+            let of_place =
+                |(place, sums): (usize, &Sums)| Occupied::from(!sums.is_empty()) << place;
+            cell.iter().enumerate().map(of_place).sum()
+        });
+        let occupied: Vec<Occupied> = occupied.collect();
+        Self::over(cells, occupied.into(), experts, DISTANCE, BRIGHTNESS)
     }
 
-    /// Three times as far, of which [`Self::errors`] are asked.
-    pub(super) fn wide(cells: &'a Cells) -> Self {
-        Self::over(cells, WIDE, BRIGHTNESS_OF_ALL)
+    /// The same three times as far, of which [`Self::errors`] are asked.
+    pub(super) fn wide(&self) -> Self {
+        Self::over(self.cells, self.occupied.clone(), self.experts, WIDE, BRIGHTNESS_OF_ALL)
     }
 
-    fn over(cells: &'a Cells, distance: f64, brightness: f64) -> Self {
+    fn over(
+        cells: &'a Cells,
+        occupied: Arc<[Occupied]>,
+        experts: usize,
+        distance: f64,
+        brightness: f64,
+    ) -> Self {
         let of_distance = gaussian(distance / cells.division.size as f64);
-        Self { cells, of_distance, of_brightness: gaussian(brightness) }
+        Self { cells, occupied, experts, of_distance, of_brightness: gaussian(brightness) }
     }
 
     /// Writes the sums of a row of cells, `[column][half][knot]`.
     pub(super) fn row(&self, row: usize, out: &mut Vec<Sums>) {
-        self.smooth(row, out, Sums::add);
+        // The compiler leaves out what fewer experts have none of.
+        match self.experts {
+            0 | 1 => self.smooth(row, out, Sums::add_of::<1>),
+            2 => self.smooth(row, out, Sums::add_of::<2>),
+            3 => self.smooth(row, out, Sums::add_of::<3>),
+            _ => self.smooth(row, out, Sums::add_of::<MOST>),
+        }
     }
 
     /// The same without A, which takes most of the time.
     pub(super) fn errors(&self, row: usize, out: &mut Vec<Sums>) {
-        self.smooth(row, out, Sums::add_errors);
+        match self.experts {
+            0 | 1 => self.smooth(row, out, Sums::add_errors::<1>),
+            2 => self.smooth(row, out, Sums::add_errors::<2>),
+            3 => self.smooth(row, out, Sums::add_errors::<3>),
+            _ => self.smooth(row, out, Sums::add_errors::<MOST>),
+        }
     }
 
     #[inline(always)]
     fn smooth(&self, row: usize, out: &mut Vec<Sums>, add: impl Fn(&mut Sums, &Sums, f64) + Copy) {
         let Division { across, down, .. } = self.cells.division;
-        let (of_row, of_cell) = (self.cells.division.of_row(), HALVES * KNOTS);
         let reach = self.of_distance.len() / 2;
         let clamp = |i: usize, k: usize, count: usize| (i + k).saturating_sub(reach).min(count - 1);
-        let mut rows = vec![Sums::default(); of_row];
+        let mut column_sums = vec![Sums::default(); across * OF_CELL];
+        let mut occupied = vec![0; across];
         for (k, share) in self.of_distance.iter().enumerate() {
-            let from = self.cells.row(clamp(row, k, down));
-            let sums = rows.iter_mut().zip(from).filter(|(_, from)| !from.is_empty());
-            sums.for_each(|(sum, from)| add(sum, from, *share));
+            let row = clamp(row, k, down);
+            let cells =
+                self.cells.row(row).chunks_exact(OF_CELL).zip(&self.occupied[row * across..]);
+            let sums = column_sums.chunks_exact_mut(OF_CELL).zip(&mut occupied);
+            for ((to, all), (from, of_cell)) in sums.zip(cells) {
+                *all |= of_cell;
+                add_cell(to, from, *of_cell, *share, add);
+            }
         }
         out.clear();
-        out.resize(of_row, Sums::default());
-        let mut cell = vec![Sums::default(); of_cell];
-        for (column, out) in out.chunks_exact_mut(of_cell).enumerate() {
+        out.resize(across * OF_CELL, Sums::default());
+        let mut cell = [Sums::default(); OF_CELL];
+        for (column, out) in out.chunks_exact_mut(OF_CELL).enumerate() {
             cell.fill(Sums::default());
             for (k, share) in self.of_distance.iter().enumerate() {
-                let from = &rows[clamp(column, k, across) * of_cell..][..of_cell];
-                let sums = cell.iter_mut().zip(from).filter(|(_, from)| !from.is_empty());
-                sums.for_each(|(sum, from)| add(sum, from, *share));
+                let column = clamp(column, k, across);
+                let from = &column_sums[column * OF_CELL..];
+                add_cell(&mut cell, from, occupied[column], *share, add);
             }
             for (from, to) in cell.chunks_exact(KNOTS).zip(out.chunks_exact_mut(KNOTS)) {
                 along(&self.of_brightness, from, to, add);

@@ -126,7 +126,7 @@ impl Weights {
             for (column, of_column) in columns {
                 let cell = row * across + column;
                 for (knot, of_knot) in place.knots() {
-                    let share = of_row * of_column * of_knot as f32;
+                    let share = of_row * of_column * of_knot;
                     let own = self.weights[cell * KNOTS + knot];
                     weights.iter_mut().zip(own).for_each(|(sum, weight)| *sum += share * weight);
                     let own = self.errors[cell * KNOTS + knot];
