@@ -179,8 +179,9 @@ impl Sample {
         let pixels = strip.lanes() / self.channels;
         let inner = strip.grid().map_or(0..pixels, |grid| grid.lanes_of(0, grid.inner_rows()));
         let first = self.pixels_of_batch();
-        let zeros = |pixel: usize| mix((first + pixel - inner.start) as u64).leading_zeros() as u8;
-        inner.clone().for_each(|pixel| self.zeros[usize::from(zeros(pixel))] += 1);
+        let hashes = (0..inner.len()).into_par_iter().map(|pixel| mix((first + pixel) as u64));
+        let zeros: Vec<u8> = hashes.map(|hash| hash.leading_zeros() as u8).collect();
+        zeros.iter().for_each(|&zeros| self.zeros[usize::from(zeros)] += 1);
         let least = self.least_zeros();
         self.thin_out(least);
         let powers: Vec<_> = self.further.iter().map(|(power, _)| *power).collect();
@@ -192,11 +193,11 @@ impl Sample {
             let of_fold = |values: &&[f32]| lanes_of(pixel).all(|lane| values[lane].is_finite());
             means.iter().flatten().all(of_fold)
         };
-        let wanted = inner.clone().filter(|&pixel| zeros(pixel) >= least && finite(pixel));
-        let wanted: Vec<usize> = wanted.collect();
-        let pixel = |&pixel: &usize| Pixel { half: strip.half(pixel) as u8, zeros: zeros(pixel) };
+        let wanted = inner.zip(zeros).filter(|(pixel, zeros)| *zeros >= least && finite(*pixel));
+        let wanted: Vec<(usize, u8)> = wanted.collect();
+        let pixel = |&(pixel, zeros)| Pixel { half: strip.half(pixel) as u8, zeros };
         self.pixels.extend(wanted.iter().map(pixel));
-        let lanes: Vec<usize> = wanted.into_iter().flat_map(lanes_of).collect();
+        let lanes: Vec<usize> = wanted.into_iter().flat_map(|(pixel, _)| lanes_of(pixel)).collect();
         let of_means = self.means.iter_mut().flatten().zip(means.iter().flatten());
         let of_powers = self.further.iter_mut().zip(&further);
         let of_powers = of_powers.flat_map(|((_, kept), (_, values))| kept.iter_mut().zip(values));
