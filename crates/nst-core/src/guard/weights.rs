@@ -95,6 +95,22 @@ impl<'a> Changes<'a> {
         (0..self.count()).map(ratio).collect()
     }
 
+    /// Whether what each expert changes with all folds goes with what it changes without one. What
+    /// is held out speaks of the latter alone: where samples take few values, as where all are 0 or
+    /// 1, lanes of all folds may be unlike any without one, and a regression says anything of them.
+    fn agrees(&self) -> Vec<bool> {
+        let (with_all, without) = self.changes.split_last().expect("all folds are last");
+        let product = |(all, held_out): (&Vec<f32>, &Vec<f32>)| {
+            let products = all.iter().zip(held_out).map(|(&a, &b)| f64::from(a) * f64::from(b));
+            products.sum::<f64>()
+        };
+        let of_expert = |expert: usize| {
+            let pairs = without.iter().map(|experts| (&with_all[expert], &experts[expert]));
+            pairs.map(product).sum::<f64>() > 0.0
+        };
+        (0..self.count()).map(of_expert).collect()
+    }
+
     /// What each expert changes.
     #[inline(always)]
     pub(super) fn of_lane(&self, group: usize, lane: usize) -> [f64; MOST] {
@@ -114,7 +130,9 @@ impl Weights {
             strata.for_each(|(sum, part)| sum.add(part, 1.0, 1.0));
         }
         let shrinkage = changes.shrinkage();
-        let shares = shares(&shrinkage);
+        let mut shares = shares(&shrinkage);
+        let of_experts = shares.iter_mut().zip(changes.agrees());
+        of_experts.filter(|(_, agrees)| !agrees).for_each(|(share, _)| *share = 0.0);
         let strata = total.map(|half| {
             weights(&smoothed(&half), &shrinkage, &shares).map(|of| of.map(|w| w as f32))
         });
