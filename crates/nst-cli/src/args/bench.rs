@@ -114,6 +114,9 @@ pub(crate) struct BenchStabilityArgs {
     /// Fewer sequences, and at most 64 samples: about a second.
     #[arg(long)]
     pub(crate) short: bool,
+    /// Seed of the random numbers: each makes another draw of all random sequences.
+    #[arg(long, default_value_t = 0, value_parser = seed, allow_negative_numbers = true)]
+    pub(crate) seed: u64,
     #[command(flatten)]
     pub(crate) common: CommonArgs,
 }

@@ -24,7 +24,7 @@ use crate::{
 };
 
 use regimes::{REGIMES, Regime, window};
-use simulate::{Case, simulate};
+use simulate::{Case, Runs, simulate};
 
 /// A method on the sequences of a regime with n samples. T and S are compared on
 /// the lanes whose S is finite.
@@ -75,18 +75,20 @@ struct Effort {
     /// Where `Regime::far` asks for it: samples, and runs of each integrand.
     far: Option<(u32, usize)>,
     cost_lanes: usize,
+    seed: u64,
 }
 
 impl Effort {
-    fn new(short: bool) -> Self {
+    fn new(short: bool, seed: u64) -> Self {
         if short {
-            Self { sample_counts: vec![8, 64], runs: 20, far: None, cost_lanes: 1 << 12 }
+            Self { sample_counts: vec![8, 64], runs: 20, far: None, cost_lanes: 1 << 12, seed }
         } else {
             Self {
                 sample_counts: vec![8, 16, 32, 64, 256, 1024, 4096],
                 runs: 1000,
                 far: Some((1_000_000, 20)),
                 cost_lanes: 1 << 18,
+                seed,
             }
         }
     }
@@ -109,7 +111,7 @@ pub(super) fn run(args: &BenchStabilityArgs) -> Result<Report, Error> {
     let markdown = markdown.map(|path| outputs.open(path, Kind::Markdown, Name::Given));
     let mut markdown = markdown.transpose()?;
 
-    let rows = rows(&Effort::new(args.short))?;
+    let rows = rows(&Effort::new(args.short, args.seed))?;
     write_csv(&mut csv, &rows)
         .map_err(|source| Error::Csv { path: args.output.clone(), source })?;
     if let Some(file) = &mut markdown {
@@ -199,8 +201,8 @@ fn rows(effort: &Effort) -> Result<Vec<Row>, Error> {
         let methods = if NESTED.contains(&regime.name) { &nested } else { &independent };
         let far = effort.far.filter(|_| regime.far);
         let counts = effort.sample_counts.iter().map(|&n| (n, effort.runs)).chain(far);
-        for (n, runs) in counts {
-            let case = (regime.make)(n, runs);
+        for (n, each) in counts {
+            let case = (regime.make)(n, Runs { each, seed: effort.seed });
             for (method, nanoseconds) in methods.iter().zip(&costs) {
                 rows.push(measure(method, regime, n, &case, *nanoseconds)?);
             }
@@ -300,7 +302,7 @@ mod tests {
     use super::*;
 
     fn short() -> Vec<Row> {
-        rows(&Effort::new(true)).expect("built-in methods")
+        rows(&Effort::new(true, 0)).expect("built-in methods")
     }
 
     #[test]

@@ -7,7 +7,7 @@ use nst_core::{Side, random::SplitMix64};
 
 use super::{
     integrands::{COUNT, Family, Integrand},
-    simulate::{Case, series, simulate},
+    simulate::{Case, Runs, series, simulate},
 };
 
 /// A kind of sequences.
@@ -18,7 +18,7 @@ pub(super) struct Regime {
     /// Why methods fail on them.
     pub(super) why: &'static str,
     /// The sequences with n samples, for a number of runs of each integrand.
-    pub(super) make: fn(n: u32, runs: usize) -> Case,
+    pub(super) make: fn(n: u32, runs: Runs) -> Case,
     /// Whether the suite has a row for a million samples, too.
     pub(super) far: bool,
 }
@@ -94,7 +94,7 @@ pub(super) const REGIMES: &[Regime] = &[
               costs less than its noise, but what is left is bias; from n = 1024 on, where \
               a fold has a 1 or none, they are worse than S.",
         make: |n, runs| {
-            simulate(&window(n), COUNT * runs, 2, |_, _| {
+            simulate(&window(n), runs.lanes(), runs.seed(2), |_, _| {
                 (1e-3, |_: u32, rng: &mut SplitMix64| f64::from(u8::from(rng.uniform() < 1e-3)))
             })
         },
@@ -107,7 +107,7 @@ pub(super) const REGIMES: &[Regime] = &[
               give other numbers. Methods that ignore the largest samples seem to gain, by a bias that \
               more samples do not remove quickly.",
         make: |n, runs| {
-            simulate(&window(n), COUNT * runs, 3, |_, _| {
+            simulate(&window(n), runs.lanes(), runs.seed(3), |_, _| {
                 (3.0, |_: u32, rng: &mut SplitMix64| (1.0 - rng.uniform()).powf(-1.0 / 1.5))
             })
         },
@@ -159,7 +159,7 @@ pub(super) const REGIMES: &[Regime] = &[
         what: "h x^q on [0, 1] with q = 1, 3, 8 and h = 1/2, 1, 2: a family that no network has seen.",
         why: "Networks take them for what they know, and are wrong by as much at any n.",
         make: |n, runs| {
-            simulate(&window(n), COUNT * runs, 8, |lane, _| {
+            simulate(&window(n), runs.lanes(), runs.seed(8), |lane, _| {
                 let (q, h) = ([1, 3, 8][lane % 3], [0.5, 1.0, 2.0][lane / 3 % 3]);
                 let sample = move |_: u32, rng: &mut SplitMix64| h * rng.uniform().powi(q);
                 (h / f64::from(q + 1), sample)
@@ -180,7 +180,7 @@ pub(super) const REGIMES: &[Regime] = &[
         what: "All samples of a lane are equal; lanes differ.",
         why: "The prior mean replaces lanes that are exact. All others leave them alone.",
         make: |n, runs| {
-            simulate(&window(n), COUNT * runs, 4, |lane, _| {
+            simulate(&window(n), runs.lanes(), runs.seed(4), |lane, _| {
                 let value = 0.5 + (lane % 16) as f64 / 16.0;
                 (value, move |_: u32, _: &mut SplitMix64| value)
             })
@@ -192,7 +192,9 @@ pub(super) const REGIMES: &[Regime] = &[
         what: "All samples are 0.",
         why: "Nothing fails: there is nothing to divide, and no lane is touched.",
         make: |n, runs| {
-            simulate(&window(n), COUNT * runs, 5, |_, _| (0.0, |_: u32, _: &mut SplitMix64| 0.0))
+            simulate(&window(n), runs.lanes(), runs.seed(5), |_, _| {
+                (0.0, |_: u32, _: &mut SplitMix64| 0.0)
+            })
         },
         far: false,
     },
@@ -229,7 +231,7 @@ pub(super) const REGIMES: &[Regime] = &[
               share the chain's points and all err alike: their spread says nothing of the error, \
               and methods that read them can neither gain nor harm.",
         make: |n, runs| {
-            simulate(&window(n), COUNT * runs, 6, |lane, rng| {
+            simulate(&window(n), runs.lanes(), runs.seed(6), |lane, rng| {
                 let integrand = Family::Gaussian.integrand(lane % COUNT);
                 let mut x = rng.uniform();
                 let sample = move |_: u32, rng: &mut SplitMix64| {
@@ -251,7 +253,7 @@ pub(super) const REGIMES: &[Regime] = &[
               interval: fold means are no estimates of I, and every method that uses them as \
               estimates fails. `auto` knows the sampler, and keeps S. (nst render --sampler \
               halton-folds has independent ones.)",
-        make: |n, _| halton(n, 1, |_| 0),
+        make: |n, runs| halton(n, Runs { each: 1, ..runs }, |_| 0),
         far: false,
     },
     Regime {
@@ -327,8 +329,8 @@ fn inverse_factorial(i: u32) -> f64 {
 }
 
 /// Runs of each integrand of a family, with samples changed by a linear map.
-fn family(family: Family, counts: &[u32], runs: usize, map: fn(f64) -> f64) -> Case {
-    simulate(counts, COUNT * runs, 1, |lane, _| {
+fn family(family: Family, counts: &[u32], runs: Runs, map: fn(f64) -> f64) -> Case {
+    simulate(counts, runs.lanes(), runs.seed(1), |lane, _| {
         let integrand = family.integrand(lane % COUNT);
         (map(integrand.integral()), move |_: u32, rng: &mut SplitMix64| {
             map(integrand.at(rng.uniform()))
@@ -337,8 +339,8 @@ fn family(family: Family, counts: &[u32], runs: usize, map: fn(f64) -> f64) -> C
 }
 
 /// The same, times a factor of each lane.
-fn scaled(family: Family, counts: &[u32], runs: usize, factor: fn(usize) -> f64) -> Case {
-    simulate(counts, COUNT * runs, 1, |lane, _| {
+fn scaled(family: Family, counts: &[u32], runs: Runs, factor: fn(usize) -> f64) -> Case {
+    simulate(counts, runs.lanes(), runs.seed(1), |lane, _| {
         let (integrand, factor) = (family.integrand(lane % COUNT), factor(lane));
         (factor * integrand.integral(), move |_: u32, rng: &mut SplitMix64| {
             factor * integrand.at(rng.uniform())
@@ -346,8 +348,8 @@ fn scaled(family: Family, counts: &[u32], runs: usize, factor: fn(usize) -> f64)
     })
 }
 
-fn firefly(n: u32, runs: usize, at: u32) -> Case {
-    simulate(&window(n), COUNT * runs, 1, |lane, _| {
+fn firefly(n: u32, runs: Runs, at: u32) -> Case {
+    simulate(&window(n), runs.lanes(), runs.seed(1), |lane, _| {
         let integrand = Family::Gaussian.integrand(lane % COUNT);
         let sample = move |i: u32, rng: &mut SplitMix64| {
             let y = integrand.at(rng.uniform());
@@ -358,8 +360,8 @@ fn firefly(n: u32, runs: usize, at: u32) -> Case {
 }
 
 /// `shift` makes the bits that each lane's points are shifted by.
-fn halton(n: u32, runs: usize, shift: fn(&mut SplitMix64) -> u32) -> Case {
-    simulate(&window(n), COUNT * runs, 7, |lane, rng| {
+fn halton(n: u32, runs: Runs, shift: fn(&mut SplitMix64) -> u32) -> Case {
+    simulate(&window(n), runs.lanes(), runs.seed(7), |lane, rng| {
         let integrand: Integrand = Family::Gaussian.integrand(lane % COUNT);
         let shift = shift(rng);
         let sample = move |i: u32, _: &mut SplitMix64| {
@@ -369,7 +371,7 @@ fn halton(n: u32, runs: usize, shift: fn(&mut SplitMix64) -> u32) -> Case {
     })
 }
 
-fn nonfinite(n: u32, runs: usize) -> Case {
+fn nonfinite(n: u32, runs: Runs) -> Case {
     let mut case = family(Family::Gaussian, &window(n), runs, |y| y);
     let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
     let mut terms = case.batch.terms().to_owned();

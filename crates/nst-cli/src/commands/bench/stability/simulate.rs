@@ -4,6 +4,30 @@ use ndarray::Array2;
 use nst_core::{LaneSums, Power, PowerSums, SequenceBatch, random::SplitMix64};
 use rayon::prelude::*;
 
+use super::integrands::COUNT;
+
+/// How many runs there are of each integrand, and by which random numbers.
+#[derive(Clone, Copy)]
+pub(super) struct Runs {
+    pub(super) each: usize,
+    /// Each makes another draw of all regimes.
+    pub(super) seed: u64,
+}
+
+impl Runs {
+    /// Those of all integrands.
+    pub(super) fn lanes(self) -> usize {
+        COUNT * self.each
+    }
+
+    /// The seed of a regime that has this number.
+    pub(super) fn seed(self, regime: u64) -> u64 {
+        /// More than there are regimes.
+        const STEP: u64 = 500;
+        regime.wrapping_add(self.seed.wrapping_mul(STEP))
+    }
+}
+
 /// Sequences whose limits are known.
 pub(super) struct Case {
     pub(super) batch: SequenceBatch,
