@@ -15,7 +15,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from page import command
+from page import command as fill_page
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "adaptation.md"
@@ -35,7 +35,9 @@ def measure(folder: Path) -> None:
     for seed in SEEDS:
         table = folder / f"{seed}.csv"
         if not table.exists():
-            subprocess.run([NST, "bench", "stability", "--seed", str(seed), "-o", table, "--quiet"], check=True)
+            subprocess.run(
+                [NST, "bench", "stability", "--seed", str(seed), "-o", table, "--quiet"], check=True
+            )
         with table.open(newline="", encoding="utf-8") as file:
             of_seed = [row | {"seed": seed} for row in csv.DictReader(file) if row["method"] in METHODS]
         rows += [{key: row[key] for key in COLUMNS} for row in of_seed]
@@ -65,7 +67,9 @@ def blocks() -> dict[str, list[str]]:
     for regime in regimes:
         own = [row for row in rows if row["regime"] == regime]
         pairs = {(row["method"], int(row["n"])) for row in own}
-        means = {pair: ratio([row for row in own if (row["method"], int(row["n"])) == pair]) for pair in pairs}
+        means = {
+            pair: ratio([row for row in own if (row["method"], int(row["n"])) == pair]) for pair in pairs
+        }
         cells = [means[method, n] for method in METHODS for n in COUNTS]
         cells += [max(means.values()), max(float(row["mse_ratio"]) for row in own)]
         if min(cells) < 1 or max(cells) > 1:
@@ -74,4 +78,4 @@ def blocks() -> dict[str, list[str]]:
 
 
 if __name__ == "__main__":
-    sys.exit(command(sys.argv[1:], "docs/stability_seeds.py", __doc__, PAGE, measure, blocks))
+    sys.exit(fill_page(sys.argv[1:], "docs/stability_seeds.py", __doc__, PAGE, measure, blocks))
