@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use nst_core::{Estimates, Strips, Support};
+use nst_core::{Estimates, Strips};
 use nst_files::{
     output::{Name, Outputs},
     sequence_file::{KeptStrips, SequenceInfo, SequenceReader},
@@ -39,9 +39,7 @@ pub(super) fn run(args: &TransformArgs) -> Result<Summary, Error> {
         None => (&default, Name::Default),
     };
     let mut files = PictureFiles::open(&mut outputs, path, name)?;
-    let needs = method.transform.requires();
-    // What needs the picture as a whole takes enough memory without a copy that stays.
-    let strips: Box<dyn Strips> = match needs.fits && needs.support != Support::Picture {
+    let strips: Box<dyn Strips> = match method.transform.requires().fits {
         true => Box::new(KeptStrips::new(reader)),
         false => Box::new(reader),
     };

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use nst_core::{SequenceBatch, Strips};
+use nst_core::{Grid, SequenceBatch, Strips};
 
 use super::SequenceReader;
 
@@ -32,10 +32,12 @@ impl KeptStrips {
         Self { reader, strips, full: false, most_bytes, next: 0, halo: 0 }
     }
 
-    /// Keeps a strip that was read, if there is room.
+    /// Keeps a strip that was read, if there is room, and little of it is a halo: else, most rows
+    /// would be kept more than once.
     fn keep(&mut self, strip: SequenceBatch) -> Cow<'_, SequenceBatch> {
         let bytes: usize = self.strips.iter().chain([&strip]).map(bytes).sum();
-        self.full |= bytes > self.most_bytes;
+        let is_halo = |grid: &Grid| 4 * grid.inner_rows().len() < 3 * grid.rows();
+        self.full |= bytes > self.most_bytes || strip.grid().is_some_and(is_halo);
         if self.full {
             return Cow::Owned(strip);
         }
@@ -75,8 +77,6 @@ impl Strips for KeptStrips {
 
 #[cfg(test)]
 mod tests {
-    use nst_core::Grid;
-
     use super::*;
     use crate::{
         ColorModel, Error,
@@ -120,9 +120,10 @@ mod tests {
         let open = || Ok::<_, Error>(SequenceReader::open(&path)?.with_strip_rows(16));
 
         let of_rows = |rows: usize| rows * 7 * size_of::<f32>();
-        for (most_bytes, counts) in [(MOST_BYTES, [5, 5]), (of_rows(45), [2, 2]), (0, [0, 0])] {
+        for (most_bytes, counts) in [(MOST_BYTES, [5, 5, 0]), (of_rows(41), [2, 2, 0]), (0, [0; 3])]
+        {
             let mut kept = KeptStrips { most_bytes, ..KeptStrips::new(open()?) };
-            for (halo, count) in [0, 3].into_iter().zip(counts) {
+            for (halo, count) in [0, 2, 6].into_iter().zip(counts) {
                 let expected = pass(&mut open()?, halo)?;
                 assert_eq!(expected.len(), 5);
                 for _ in 0..3 {
