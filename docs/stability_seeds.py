@@ -15,7 +15,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from page import command as fill_page
+from page import command
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "adaptation.md"
@@ -78,4 +78,4 @@ def blocks() -> dict[str, list[str]]:
 
 
 if __name__ == "__main__":
-    sys.exit(fill_page(sys.argv[1:], "docs/stability_seeds.py", __doc__, PAGE, measure, blocks))
+    sys.exit(command(sys.argv[1:], "docs/stability_seeds.py", __doc__, PAGE, measure, blocks))

@@ -110,9 +110,7 @@ impl<'a, F: FnMut(Range<usize>, &Estimates)> Estimator<'a, F> {
 
 /// The rows of the picture that a strip has, without its halo.
 fn rows_of(strip: &SequenceBatch) -> Range<usize> {
-    let grid = strip.grid().expect("strips of renderings have a grid");
-    let (first, inner) = (grid.first_row() as usize, grid.inner_rows());
-    first + inner.start..first + inner.end
+    strip.grid().expect("strips of renderings have a grid").picture_rows()
 }
 
 /// What a method that learns nothing is fitted to.

@@ -86,9 +86,8 @@ impl Regressions {
             let part = first..halves.len().min(first + PACKET);
             let x = inputs(lanes, part.clone());
             let mut scales = [0.0; PACKET];
-            for (scale, mean) in scales.iter_mut().zip(&lanes.mean[part.clone()]) {
-                *scale = mean.abs() + lanes.least_scale() as f32;
-            }
+            let of_lanes = scales.iter_mut().zip(lanes.scales(part.clone()));
+            of_lanes.for_each(|(place, scale)| *place = scale);
             for (regression, changes) in changes.iter_mut().enumerate() {
                 let both = self.coefficients.each_ref().map(|of| quadratic(&of[regression], &x));
                 let of_lanes = changes[part.clone()].iter_mut().zip(&halves[part.clone()]);

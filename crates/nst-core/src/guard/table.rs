@@ -61,14 +61,13 @@ impl Table {
 
     /// What it changes, `[lane]`, by the half that each lane is in: the other half teaches.
     pub(super) fn changes(&self, lanes: &Lanes, halves: &[u8]) -> Vec<f32> {
-        let least = lanes.least_scale() as f32;
-        let change = |(lane, (mean, &half)): (usize, (&f32, &u8))| {
+        let change = |(lane, (scale, &half)): (usize, (f32, &u8))| {
             let changes = &self.changes[1 - usize::from(half)];
             let sum: f32 =
                 cells(lanes, lane).map(|(cell, share)| share * changes[cell]).iter().sum();
-            sum * (mean.abs() + least)
+            sum * scale
         };
-        lanes.mean.iter().zip(halves).enumerate().map(change).collect()
+        lanes.scales(0..halves.len()).zip(halves).enumerate().map(change).collect()
     }
 }
 

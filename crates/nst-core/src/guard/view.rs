@@ -1,5 +1,7 @@
 //! Lanes as they look without a group of folds, in numbers that have no dimension.
 
+use std::ops::Range;
+
 use super::{
     hats::{Hats, Place},
     logarithm::ln,
@@ -152,12 +154,14 @@ fn power_means(power: Power, folds: &[&[f32]; FOLDS], shares: &[f64; FOLDS]) -> 
 impl Lanes {
     /// s = |S| + .01 u
     pub(super) fn scale(&self, lane: usize) -> f64 {
-        f64::from(self.mean[lane]).abs() + self.least_scale()
+        f64::from(self.mean[lane]).abs() + FLOOR * self.unit
     }
 
-    /// .01 u
-    pub(super) fn least_scale(&self) -> f64 {
-        FLOOR * self.unit
+    /// The same of some lanes, rounded.
+    #[inline(always)]
+    pub(super) fn scales(&self, part: Range<usize>) -> impl Iterator<Item = f32> {
+        let least = (FLOOR * self.unit) as f32;
+        self.mean[part].iter().map(move |mean| mean.abs() + least)
     }
 
     /// Where the brightness of S lies.

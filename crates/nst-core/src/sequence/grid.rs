@@ -94,6 +94,13 @@ impl Grid {
         above as usize..(self.rows - below) as usize
     }
 
+    /// The same rows, as they are counted in the picture.
+    #[must_use]
+    pub fn picture_rows(&self) -> Range<usize> {
+        let (first, inner) = (self.first_row as usize, self.inner_rows());
+        first + inner.start..first + inner.end
+    }
+
     /// Of values `[lane]` of the batch, or of other planes of its pixels, those of the
     /// [inner rows](Self::inner_rows).
     #[must_use]

@@ -36,8 +36,8 @@ impl KeptStrips {
     /// would be kept more than once.
     fn keep(&mut self, strip: SequenceBatch) -> Cow<'_, SequenceBatch> {
         let bytes: usize = self.strips.iter().chain([&strip]).map(bytes).sum();
-        let is_halo = |grid: &Grid| 4 * grid.inner_rows().len() < 3 * grid.rows();
-        self.full |= bytes > self.most_bytes || strip.grid().is_some_and(is_halo);
+        let mostly_halo = |grid: &Grid| 4 * grid.inner_rows().len() < 3 * grid.rows();
+        self.full |= bytes > self.most_bytes || strip.grid().is_some_and(mostly_halo);
         if self.full {
             return Cow::Owned(strip);
         }
@@ -60,8 +60,7 @@ impl Strips for KeptStrips {
         self.next = 0;
         self.reader.rewind(halo)?;
         let grid = self.strips.last().and_then(SequenceBatch::grid);
-        let end = grid.map_or(0, |grid| grid.first_row() + grid.inner_rows().end as u32);
-        self.reader.skip_to(end);
+        self.reader.skip_to(grid.map_or(0, |grid| grid.picture_rows().end as u32));
         Ok(())
     }
 

@@ -51,20 +51,14 @@ impl Sums {
 
     #[inline(always)]
     pub(super) fn add(&mut self, other: &Self, share: f64) {
-        self.add_of::<MOST>(other, share);
-    }
-
-    /// The same of so many experts.
-    #[inline(always)]
-    pub(super) fn add_of<const N: usize>(&mut self, other: &Self, share: f64) {
-        self.add_of_group::<N>(other, share);
-        self.add_of_all::<N>(other, share);
+        self.add_of_group::<MOST>(other, share);
+        self.add_of_all::<MOST>(other, share);
     }
 
     /// The same of b, the variance and the count.
     #[inline(always)]
-    pub(super) fn add_errors<const N: usize>(&mut self, other: &Self, share: f64) {
-        self.add_of_group::<N>(other, share);
+    pub(super) fn add_errors(&mut self, other: &Self, share: f64) {
+        self.add_of_group::<MOST>(other, share);
         self.count += share * other.count;
     }
 

@@ -47,7 +47,7 @@ impl<'a> Fits<'a> {
     /// Fits weights of the first `count` experts to what each half says.
     pub(super) fn new(cells: &'a Cells, count: usize) -> Self {
         let whole: Wholes = of_all(cells).map(|half| half.map(|sums| Whole::new(sums, count)));
-        let near = Near::new(cells, count);
+        let near = Near::new(cells);
         let rows: Vec<RowFit> = (0..cells.division.down)
             .into_par_iter()
             .map_init(Vec::new, |buffer, row| {

@@ -87,7 +87,7 @@ impl<'a> FittedPicture<'a> {
             last: &last,
             variances: &variances,
             width,
-            first: grid.first_row() as usize + inner.start,
+            first: grid.picture_rows().start,
         };
         let (values, status, errors) = out.reset_with_errors(last.len());
         let mut weights = vec![0.0; self.judgement.experts.len() * pixels];
@@ -187,8 +187,7 @@ impl Fitted for FittedPicture<'_> {
             self.keep_plain(batch, Status::NoFolds, out);
             return Ok(());
         };
-        let (first, inner) = (strip.grid.first_row() as usize, strip.grid.inner_rows());
-        if let Some(layers) = self.kept.of(&(first + inner.start..first + inner.end)) {
+        if let Some(layers) = self.kept.of(&strip.grid.picture_rows()) {
             self.estimate(&strip, layers, out);
             return Ok(());
         }

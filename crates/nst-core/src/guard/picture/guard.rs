@@ -138,20 +138,19 @@ impl PictureGuard {
                 let division = Division::new(width, pixels / width);
                 cells.resize_with(views[0].len(), || Cells::new(division));
             }
-            let first = strip.grid.first_row() as usize + inner.start;
+            let in_picture = strip.grid.picture_rows();
             let halves = batch.halves(inner.start * width..inner.end * width);
             for (layer, cells) in cells.iter_mut().enumerate() {
                 let rows = Rows {
                     width,
                     channels: strip.grid.channels(),
-                    first,
+                    first: in_picture.start,
                     halves: &halves,
                     held: std::array::from_fn(|group| &views[group][layer]),
                 };
                 cells.add(&rows, &panel.counts);
             }
-            let (rows, with_all) = (first..first + inner.len(), views.swap_remove(GROUPS));
-            kept.keep(rows, with_all, inner.len() * width == pixels);
+            kept.keep(in_picture, views.swap_remove(GROUPS), inner.len() * width == pixels);
         }
         Ok(Ok((cells, kept)))
     }

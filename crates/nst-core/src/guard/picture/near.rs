@@ -4,10 +4,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::{
-    cells::{Cells, Division, HALVES, KNOTS, Sums},
-    simplex::MOST,
-};
+use super::cells::{Cells, Division, HALVES, KNOTS, Sums};
 
 /// σ of the distance, in pixels, up to which lanes are alike, and of a wider view.
 const DISTANCE: f64 = 8.0;
@@ -52,7 +49,7 @@ pub(super) fn over_brightness(sums: &[Sums; KNOTS]) -> [Sums; KNOTS] {
 /// what is near; b, too.
 pub(super) fn errors_over_brightness(sums: &[Sums]) -> [Sums; KNOTS] {
     let mut smooth = [Sums::default(); KNOTS];
-    along(&gaussian(BRIGHTNESS), sums, &mut smooth, Sums::add_errors::<MOST>);
+    along(&gaussian(BRIGHTNESS), sums, &mut smooth, Sums::add_errors);
     smooth
 }
 
@@ -69,7 +66,7 @@ fn along(kernel: &[f64], from: &[Sums], to: &mut [Sums], add: impl Fn(&mut Sums,
     }
 }
 
-/// Which sums of a cell are not empty, by their place: most are.
+/// Which sums of a cell are not empty, by their place. Most are empty, and reading them takes longest.
 type Occupied = u64;
 
 const OF_CELL: usize = HALVES * KNOTS;
@@ -105,58 +102,39 @@ pub(super) struct Near<'a> {
     cells: &'a Cells,
     /// `[row][column]`
     occupied: Arc<[Occupied]>,
-    /// How many experts there are.
-    experts: usize,
     of_distance: Vec<f64>,
     of_brightness: Vec<f64>,
 }
 
 impl<'a> Near<'a> {
-    pub(super) fn new(cells: &'a Cells, experts: usize) -> Self {
+    pub(super) fn new(cells: &'a Cells) -> Self {
         let occupied = cells.sums.par_chunks_exact(OF_CELL).map(|cell| {
             let of_place =
                 |(place, sums): (usize, &Sums)| Occupied::from(!sums.is_empty()) << place;
             cell.iter().enumerate().map(of_place).sum()
         });
         let occupied: Vec<Occupied> = occupied.collect();
-        Self::over(cells, occupied.into(), experts, DISTANCE, BRIGHTNESS)
+        Self::over(cells, occupied.into(), DISTANCE, BRIGHTNESS)
     }
 
     /// The same three times as far, of which [`Self::errors`] are asked.
     pub(super) fn wide(&self) -> Self {
-        Self::over(self.cells, self.occupied.clone(), self.experts, WIDE, BRIGHTNESS_OF_ALL)
+        Self::over(self.cells, self.occupied.clone(), WIDE, BRIGHTNESS_OF_ALL)
     }
 
-    fn over(
-        cells: &'a Cells,
-        occupied: Arc<[Occupied]>,
-        experts: usize,
-        distance: f64,
-        brightness: f64,
-    ) -> Self {
+    fn over(cells: &'a Cells, occupied: Arc<[Occupied]>, distance: f64, brightness: f64) -> Self {
         let of_distance = gaussian(distance / cells.division.size as f64);
-        Self { cells, occupied, experts, of_distance, of_brightness: gaussian(brightness) }
+        Self { cells, occupied, of_distance, of_brightness: gaussian(brightness) }
     }
 
     /// Writes the sums of a row of cells, `[column][half][knot]`.
     pub(super) fn row(&self, row: usize, out: &mut Vec<Sums>) {
-        // The compiler leaves out what fewer experts have none of.
-        match self.experts {
-            0 | 1 => self.smooth(row, out, Sums::add_of::<1>),
-            2 => self.smooth(row, out, Sums::add_of::<2>),
-            3 => self.smooth(row, out, Sums::add_of::<3>),
-            _ => self.smooth(row, out, Sums::add_of::<MOST>),
-        }
+        self.smooth(row, out, Sums::add);
     }
 
     /// The same without A, which takes most of the time.
     pub(super) fn errors(&self, row: usize, out: &mut Vec<Sums>) {
-        match self.experts {
-            0 | 1 => self.smooth(row, out, Sums::add_errors::<1>),
-            2 => self.smooth(row, out, Sums::add_errors::<2>),
-            3 => self.smooth(row, out, Sums::add_errors::<3>),
-            _ => self.smooth(row, out, Sums::add_errors::<MOST>),
-        }
+        self.smooth(row, out, Sums::add_errors);
     }
 
     #[inline(always)]

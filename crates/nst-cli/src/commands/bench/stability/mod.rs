@@ -316,6 +316,23 @@ mod tests {
         assert_eq!(names.len(), REGIMES.len());
     }
 
+    #[test]
+    fn each_seed_is_another_draw_of_what_is_random() {
+        let draw = |name: &str, seed: u64| {
+            let regime = REGIMES.iter().find(|it| it.name == name).expect("a regime");
+            (regime.make)(8, Runs { each: 2, seed }).batch.last().to_vec()
+        };
+        for name in ["gaussian", "gaussian-step", "pareto", "powers", "correlated", "halton-random"]
+        {
+            assert_eq!(draw(name, 1), draw(name, 1));
+            let of_seeds = [0, 1, u64::MAX].map(|seed| draw(name, seed));
+            assert!(of_seeds[0] != of_seeds[1] && of_seeds[1] != of_seeds[2], "{name}");
+        }
+        for name in ["linear", "halton"] {
+            assert_eq!(draw(name, 0), draw(name, 1), "{name}");
+        }
+    }
+
     /// What textbooks promise (Weniger 1989) with these eight terms: bounds on
     /// √(MSE ratio) = |T − I|/|S − I|. A gain ends at f32's rounding of S, 6e-8, times
     /// what the method magnifies it by, over |S_8 − I|: 4.3, 0.06, 0.12, 2.8e-5.

@@ -59,7 +59,7 @@ impl<'a> Inputs<'a> {
     pub(in super::super) fn new(fits: &'a Fits<'a>, slots: &'a [usize], unit: f64) -> Self {
         let all = fits.whole().each_ref().map(|knots| {
             let mut all = Sums::default();
-            knots.iter().for_each(|whole| all.add_errors::<MOST>(&whole.sums, 1.0));
+            knots.iter().for_each(|whole| all.add_errors(&whole.sums, 1.0));
             log_error(&all, unit)
         });
         Self { fits, wide: fits.wide(), slots, unit, all }
