@@ -4,6 +4,7 @@
 use std::ops::Range;
 
 use nst_core::Grid;
+use rayon::prelude::*;
 
 /// Values of a strip.
 pub(super) struct Planes {
@@ -54,7 +55,7 @@ impl KeptRows {
     pub(super) fn put(&mut self, strip: &mut Planes) {
         let images = self.images(self.rows.start, strip.grid.width());
         let of_strip = strip.images(strip.grid.first_row());
-        images.into_iter().zip(of_strip).for_each(|(kept, image)| {
+        images.into_par_iter().zip(of_strip).for_each(|(kept, image)| {
             image[..kept.len()].copy_from_slice(kept);
         });
     }
@@ -63,7 +64,7 @@ impl KeptRows {
     pub(super) fn take(&mut self, strip: &mut Planes) {
         let first = self.rows.start;
         let images = self.images(first, strip.grid.width());
-        images.into_iter().zip(strip.images(first)).for_each(|(kept, image)| {
+        images.into_par_iter().zip(strip.images(first)).for_each(|(kept, image)| {
             kept[..image.len()].copy_from_slice(image);
         });
     }

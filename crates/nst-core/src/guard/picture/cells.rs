@@ -150,7 +150,9 @@ impl Rows<'_> {
 
 impl Cells {
     pub(super) fn new(division: Division) -> Self {
-        Self { division, sums: vec![Sums::default(); division.down * division.of_row()] }
+        // By all threads: the first to write to memory waits for it.
+        let sums = (0..division.down * division.of_row()).into_par_iter();
+        Self { division, sums: sums.map(|_| Sums::default()).collect() }
     }
 
     /// The sums of a row of cells, `[column][half][knot]`.
@@ -168,15 +170,16 @@ impl Cells {
             1 => self.add_of::<1>(rows, counts),
             2 => self.add_of::<2>(rows, counts),
             3 => self.add_of::<3>(rows, counts),
-            _ => self.add_of::<MOST>(rows, counts),
+            MOST => self.add_of::<MOST>(rows, counts),
+            more => unreachable!("{more} experts of one layer"),
         }
     }
 
     /// Of so many experts.
     fn add_of<const N: usize>(&mut self, rows: &Rows<'_>, counts: &[f64; FOLDS]) {
         let Division { size, .. } = self.division;
-        let dispersion = dispersion(counts);
-        let end = rows.first + rows.count();
+        let (held, dispersion) = (rows.held.map(HeldOf::<N>::new), dispersion(counts));
+        let (end, pixels) = (rows.first + rows.count(), rows.pixels());
         let all = self.sums.par_chunks_mut(self.division.of_row()).enumerate();
         all.skip(rows.first / size).take(end.div_ceil(size) - rows.first / size).for_each(
             |(row, sums)| {
@@ -191,7 +194,8 @@ impl Cells {
                             let half = usize::from(rows.halves[first + x]);
                             let place = Division::place((x - left) / size, half, 0);
                             let cell = &mut sums[place..][..KNOTS];
-                            add_pixel::<N>(cell, rows, first + x, &dispersion);
+                            let lanes = (first + x..rows.channels * pixels).step_by(pixels);
+                            add_pixel(cell, &held, first + x, lanes, &dispersion);
                         }
                     }
                 });
@@ -200,28 +204,42 @@ impl Cells {
     }
 }
 
-/// Adds a pixel to the sums of its cell.
+/// The numbers of [`Held`], of so many experts.
+struct HeldOf<'a, const N: usize> {
+    changes: [&'a [f32]; N],
+    missing: &'a [f32],
+    places: &'a [Place],
+}
+
+impl<'a, const N: usize> HeldOf<'a, N> {
+    fn new(held: &'a Held) -> Self {
+        let changes = std::array::from_fn(|expert| held.changes[expert].as_slice());
+        Self { changes, missing: &held.missing, places: &held.places }
+    }
+
+    /// What the experts change in a lane.
+    #[inline(always)]
+    fn changes(&self, lane: usize) -> [f64; N] {
+        self.changes.map(|lanes| lanes[lane].into())
+    }
+}
+
+/// Adds a pixel, with its lanes, to the sums of its cell.
 #[inline(always)]
 fn add_pixel<const N: usize>(
     cell: &mut [Sums],
-    rows: &Rows<'_>,
+    held: &[HeldOf<'_, N>; GROUPS + 1],
     pixel: usize,
+    lanes: impl Iterator<Item = usize> + Clone,
     dispersion: &[f64; GROUPS],
 ) {
-    let lanes = (pixel..rows.channels * rows.pixels()).step_by(rows.pixels());
-    let changes = |held: &Held, lane: usize| {
-        let mut changes = [0.0; N];
-        let known = changes.iter_mut().zip(&held.changes);
-        known.for_each(|(change, lanes)| *change = f64::from(lanes[lane]));
-        changes
-    };
-    let [groups @ .., all] = &rows.held;
+    let [groups @ .., all] = held;
     for (held, dispersion) in groups.iter().zip(dispersion) {
         let mut sums = Sums::default();
         for lane in lanes.clone() {
             let missing = f64::from(held.missing[lane]);
             sums.variance += dispersion * missing * missing;
-            sums.moments.add_products(&changes(held, lane), OF_S * missing);
+            sums.moments.add_products(&held.changes(lane), OF_S * missing);
         }
         // What is not finite says nothing, and where nothing is missing, as in most pixels that see no
         // lamp, sums are 0.
@@ -234,7 +252,7 @@ fn add_pixel<const N: usize>(
     let mut sums = Sums::default();
     for lane in lanes {
         sums.count += 1.0;
-        sums.moments.add_squares(&changes(all, lane));
+        sums.moments.add_squares(&all.changes(lane));
     }
     if sums.moments.trace().is_finite() {
         for (knot, share) in all.places[pixel].knots() {

@@ -31,12 +31,12 @@ pub(super) fn believed_changes(
             for (x, estimate) in estimates.iter_mut().enumerate() {
                 let pixel = row * width + x;
                 let own = plain[pixel];
-                let near = || match sees_nothing(pixel) {
-                    true => own,
-                    false => light_near(plain, width, [x, row]),
-                };
                 let change = *estimate - own;
-                let too_bright = change > 0.0 && *estimate > MOST_TIMES * near();
+                let exceeds = |light: f32| *estimate > MOST_TIMES * light;
+                // What is around counts where the lane is black, and nearly all are not.
+                let too_bright = change > 0.0
+                    && exceeds(own)
+                    && (sees_nothing(pixel) || exceeds(light_near(plain, width, [x, row])));
                 *estimate = if change.is_finite() && !too_bright { change } else { 0.0 };
             }
         });

@@ -101,8 +101,7 @@ impl Panel<'_> {
     fn places(&self, mean: &[f32], changes: Option<&Vec<f32>>, channels: usize) -> Vec<Place> {
         let pixels = mean.len() / channels;
         let scale = 1.0 / (channels as f32 * self.unit as f32);
-        let place = |sum: f32| BRIGHTNESS.place(ln((scale * sum).max(0.0) + FLOOR));
-        let mut places = vec![place(0.0); pixels];
+        let mut places = vec![BRIGHTNESS.place(ln(FLOOR)); pixels];
         places.par_chunks_mut(CHUNK).enumerate().for_each(|(number, places)| {
             let mut sums = vec![0.0; places.len()];
             for lanes in [Some(mean), changes.map(Vec::as_slice)].into_iter().flatten() {
@@ -111,26 +110,26 @@ impl Panel<'_> {
                     sums.iter_mut().zip(plane).for_each(|(sum, x)| *sum += x);
                 }
             }
-            places.iter_mut().zip(sums).for_each(|(it, sum)| *it = place(sum));
+            // By vector instructions, which places are not written with.
+            sums.iter_mut().for_each(|sum| *sum = ln((scale * *sum).max(0.0) + FLOOR));
+            places.iter_mut().zip(sums).for_each(|(it, log)| *it = BRIGHTNESS.place(log));
         });
         places
     }
 }
 
 /// Changes of lanes, for each layer: those of pixels that emit belong to the emission.
-fn by_layer(strip: &Strip<'_>, layers: &Layers, changes: Vec<f32>) -> Vec<Vec<f32>> {
+fn by_layer(strip: &Strip<'_>, layers: &Layers, mut changes: Vec<f32>) -> Vec<Vec<f32>> {
     if layers.parts.len() == 1 {
         return vec![changes];
     }
-    let of_layer = |emitted: bool| {
-        let (width, first) = (strip.grid.width(), strip.grid.inner_rows().start);
-        let inner = &layers.emits[first * width..];
-        let mut of_layer = changes.clone();
-        for plane in of_layer.chunks_exact_mut(strip.grid.inner_rows().len() * width) {
-            let lanes = plane.par_iter_mut().zip(inner);
-            lanes.filter(|(_, emits)| **emits != emitted).for_each(|(change, _)| *change = 0.0);
-        }
-        of_layer
-    };
-    vec![of_layer(false), of_layer(true)]
+    let (width, inner) = (strip.grid.width(), strip.grid.inner_rows());
+    let emits = &layers.emits[inner.start * width..][..inner.len() * width];
+    let mut emitted = vec![0.0; changes.len()];
+    let planes = changes.chunks_exact_mut(emits.len()).zip(emitted.chunks_exact_mut(emits.len()));
+    for (changes, emitted) in planes {
+        let lanes = changes.par_iter_mut().zip(emitted).zip(emits).filter(|(_, emits)| **emits);
+        lanes.for_each(|((change, emitted), _)| std::mem::swap(change, emitted));
+    }
+    vec![changes, emitted]
 }

@@ -189,6 +189,10 @@ impl Row {
                 let w = &weights[1 - half][knot];
                 let place = Division::place(column, half, knot);
                 let (own, near) = (&own[place], &near[place]);
+                // As most: then its own sums are, too.
+                if near.is_empty() {
+                    continue;
+                }
                 gain[0] += own.moments.change(w);
                 gain[1] += own.variance;
                 let change = near.moments.change(w);
