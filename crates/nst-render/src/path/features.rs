@@ -131,15 +131,17 @@ impl PathTracer<'_> {
         }
     }
 
-    /// Begins a packet with what paths from the camera have come to. Where they go on, points of
-    /// surfaces are left to [`Self::see_points`], which takes many at once; the little that is
-    /// left comes after the loop over paths, which is the faster for it.
+    /// Begins a packet with what paths from the camera have come to, which have met this
+    /// radiance, `[path]`. Where they go on, points of surfaces are left to [`Self::see_points`],
+    /// which takes many at once; the little that is left comes after the loop over paths, which is
+    /// the faster for it.
     #[inline(never)]
     pub(super) fn see_first(
         &self,
         seen: &mut FeaturePacket,
         paths: &Paths,
         hits: &Hits,
+        radiance: &[Vec3A],
         is_last: bool,
     ) {
         seen.begin(hits, !is_last);
@@ -147,7 +149,7 @@ impl PathTracer<'_> {
             if is_last {
                 self.see_path(seen, paths, hits, i, true);
             } else if hits.triangle[i] == NONE || self.facets[hits.triangle[i] as usize].emits {
-                let radiance = self.emitted(paths, hits, i, true);
+                let radiance = radiance[paths.path[i] as usize];
                 seen.see_light(i, radiance.into(), hits.triangle[i] != NONE);
             }
         }

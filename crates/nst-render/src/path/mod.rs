@@ -130,7 +130,7 @@ impl<const FEATURES: bool> Kernel for Trace<'_, FEATURES> {
                 }
                 if FEATURES && vertex == 1 {
                     // The paths are in their order still.
-                    tracer.see_first(&mut features[number], paths, &hits, is_last);
+                    tracer.see_first(&mut features[number], paths, &hits, radiance, is_last);
                 } else if FEATURES && tracer.has_mirrors {
                     tracer.see(features, paths, &hits);
                 }
