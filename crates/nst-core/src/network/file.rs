@@ -230,9 +230,9 @@ impl Fields<'_> {
         let text = self.get(key)?;
         text.split_once("..")
             .and_then(|(first, last)| Some((first.parse().ok()?, last.parse().ok()?)))
-            .filter(|(first, last)| first <= last)
+            .filter(|(first, last)| (1..=*last).contains(first))
             .ok_or_else(|| {
-                Error::Weights(format!("metadata '{key}' is '{text}', not 'first..last'"))
+                Error::Weights(format!("metadata '{key}' is '{text}', not 'first..last' from 1 on"))
             })
     }
 }
@@ -371,7 +371,7 @@ mod tests {
         fn set(metadata: &mut HashMap<String, String>, key: &str, value: &str) {
             metadata.insert(key.to_owned(), value.to_owned());
         }
-        let cases: [(&str, Damage); 19] = [
+        let cases: [(&str, Damage); 20] = [
             ("'format'", |_, m| set(m, "format", "nst-weights-9")),
             ("'kind'", |_, m| set(m, "kind", "lstm")),
             ("'inputs'", |_, m| set(m, "inputs", "pixels")),
@@ -379,6 +379,7 @@ mod tests {
             ("'activation'", |_, m| set(m, "activation", "tanh")),
             ("'trained_on'", |_, m| drop(m.remove("trained_on"))),
             ("'samples'", |_, m| set(m, "samples", "64..8")),
+            ("'samples'", |_, m| set(m, "samples", "0..8")),
             ("'negative_slope'", |_, m| set(m, "negative_slope", "NaN")),
             ("'window'", |_, m| set(m, "window", "-3")),
             ("layer 0", |_, m| set(m, "window", "4")),
