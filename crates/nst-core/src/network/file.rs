@@ -230,9 +230,9 @@ impl Fields<'_> {
         let text = self.get(key)?;
         text.split_once("..")
             .and_then(|(first, last)| Some((first.parse().ok()?, last.parse().ok()?)))
-            .filter(|(first, last)| (1..=*last).contains(first))
+            .filter(|(first, last)| first <= last)
             .ok_or_else(|| {
-                Error::Weights(format!("metadata '{key}' is '{text}', not 'first..last' from 1 on"))
+                Error::Weights(format!("metadata '{key}' is '{text}', not 'first..last'"))
             })
     }
 }

@@ -77,10 +77,13 @@ impl Network {
     ///
     /// # Errors
     /// [`Error::Weights`] if the shapes do not chain from `metadata.window` to one
-    /// output, or if a number is not finite.
+    /// output, if a number is not finite, or if samples per pixel begin with 0.
     pub fn new(layers: Vec<Layer>, metadata: Metadata) -> Result<Self, Error> {
         if layers.is_empty() {
             return Err(Error::Weights("there is no layer".into()));
+        }
+        if metadata.samples.0 == 0 {
+            return Err(Error::Weights("'samples' must begin with 1 or more".into()));
         }
         let mut width = metadata.window;
         for (i, layer) in layers.iter().enumerate() {

@@ -78,9 +78,6 @@ impl SampleNetwork {
             let message = format!("a window of {window} for a form of {inputs} inputs");
             return Err(Error::Weights(message));
         }
-        if metadata.samples.0 == 0 {
-            return Err(Error::Weights("'samples' must begin with 1 or more".into()));
-        }
         Ok(Self { layers: Arc::new(Network::new(layers, metadata)?), form })
     }
 
