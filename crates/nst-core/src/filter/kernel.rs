@@ -201,6 +201,7 @@ impl<'a> Kernel<'a> {
         // SAFETY: the caller's promise.
         unsafe {
             let (zero, minus, huge) = (V::splat(0.0), V::splat(-1.0), V::splat(f32::MAX));
+            let minus_two = V::splat(-2.0);
             let mut own_roots = [[zero; C]; TOGETHER];
             let mut own_noises = [[zero; C]; TOGETHER];
             let mut own_guides = [[zero; G]; TOGETHER];
@@ -213,7 +214,7 @@ impl<'a> Kernel<'a> {
                     own_noises[row][c] = load(channel + NOISE * stride);
                 }
                 for g in 0..G {
-                    own_guides[row][g] = minus.mul(load(here + guides + g * stride));
+                    own_guides[row][g] = minus_two.mul(load(here + guides + g * stride));
                 }
                 if G > 0 {
                     own_guide_noise[row] = load(here + guides + G * stride);
@@ -240,8 +241,7 @@ impl<'a> Kernel<'a> {
                     for g in 0..G {
                         let guide = load(there + guides + g * stride);
                         for row in 0..TOGETHER {
-                            let d = own_guides[row][g].add(guide);
-                            differ[row] = d.mul_add(d, differ[row]);
+                            differ[row] = own_guides[row][g].mul_add(guide, differ[row]);
                         }
                     }
                     for row in 0..TOGETHER {

@@ -46,8 +46,8 @@ pub(crate) struct Guide<'a> {
 }
 
 /// The planes of a strip: of each channel the mean, the mean root, and −t² times the variance
-/// of the latter; then the guides, in units in which their squares count, and the sum of their
-/// variances, with a minus.
+/// of the latter; then the guides g, in units in which their squares count, and Σ g² − v with their
+/// variances v: distances are the sum of two of these and −2 Σ g g′.
 pub(crate) struct Planes {
     pub(crate) grid: Grid,
     pub(crate) guides: usize,
@@ -65,6 +65,9 @@ pub(super) const NOISE: usize = 2;
 /// What a pixel that does not count has instead of −t² v: no test passes, as t² v is finite
 /// elsewhere. Shaders need not know infinities.
 const APART: f32 = f32::MAX;
+
+/// The most that a guide may be, so that sums of squares tell distances of 1 well: 20 as an albedo.
+const MOST_OF_GUIDE: f32 = 100.0;
 
 /// Rows that are made together.
 const BAND: usize = 16;
@@ -116,10 +119,14 @@ fn write_guides(row: &mut [f32], stride: usize, guides: &[Guide<'_>], pixels: &R
         // (g/(4 σ))² is g²/(2 σ²)/8.
         let factor = 0.25 / guide.scale;
         for (place, value) in plane[LEFT..].iter_mut().zip(&guide.values[pixels.clone()]) {
-            *place = factor * value;
+            let value = factor * value;
+            // What is infinite is set apart.
+            *place =
+                if value.is_finite() { value.clamp(-MOST_OF_GUIDE, MOST_OF_GUIDE) } else { value };
         }
-        for (sum, variance) in noise[LEFT..].iter_mut().zip(&guide.variances[pixels.clone()]) {
-            *sum -= factor * factor * variance;
+        let pairs = plane[LEFT..].iter().zip(&guide.variances[pixels.clone()]);
+        for (sum, (guide, variance)) in noise[LEFT..].iter_mut().zip(pairs) {
+            *sum += guide * guide - factor * factor * variance;
         }
     }
 }

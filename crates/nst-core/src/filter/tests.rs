@@ -237,6 +237,23 @@ fn an_infinite_mean_is_no_variance_of_its_neighbours() {
     assert!(out.iter().enumerate().all(|(i, value)| value.is_nan() == (i == 7)), "{out:?}");
 }
 
+/// Guides above 160 count as that here; squares of larger ones would drown distances.
+#[test]
+fn huge_guides_still_tell_pixels_apart() {
+    let batch = picture(3, 5);
+    let pixels = batch.grid().expect("a picture").pixels();
+    let with = |value: f32| {
+        let stripes: Vec<f32> = (0..pixels).map(|i| [0.0, value][i / 4 % 2]).collect();
+        filtered(&batch, &vec![stripes; 3], Instructions::detect())
+    };
+    let [none, large, huge] = [0.0, 200.0, 1e30].map(with);
+    assert_eq!(large, huge);
+    assert_ne!(large, none);
+    // An infinite one tells nothing.
+    let infinite = with(f32::INFINITY);
+    assert!((0..pixels).all(|i| infinite[i].is_nan() == (i / 4 % 2 == 1)));
+}
+
 #[test]
 fn pictures_of_one_pixel_row_or_colour_stay() {
     for [width, height] in [[1, 1], [40, 1], [1, 40]] {

@@ -49,7 +49,7 @@ fn transform(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     var own_guides: array<f32, 6>;
     for (var g = 0u; g < GUIDES; g++) {
-        own_guides[g] = at(here, guides + g);
+        own_guides[g] = -2.0 * at(here, guides + g);
     }
     var own_guide_noise = 0.0;
     if GUIDES > 0u {
@@ -77,8 +77,7 @@ fn transform(@builtin(global_invocation_id) id: vec3<u32>) {
                 // What may be noise does not tell pixels apart.
                 var differ = own_guide_noise + at(there, guides + GUIDES);
                 for (var g = 0u; g < GUIDES; g++) {
-                    let d = own_guides[g] - at(there, guides + g);
-                    differ += d * d;
+                    differ += own_guides[g] * at(there, guides + g);
                 }
                 far += max(differ, 0.0);
             }

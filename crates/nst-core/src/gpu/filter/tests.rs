@@ -117,7 +117,7 @@ fn wrong_shaders_are_refused() {
         ("RADIUS: i32 = 10", "RADIUS: i32 = 9"),
         ("noise <= 0.0", "noise >= 0.0"),
         ("id.y >= params.count", "id.y + 1u >= params.count"),
-        ("differ += d * d", "differ += d"),
+        ("differ += own_guides", "differ -= own_guides"),
         ("max(differ, 0.0)", "differ"),
         ("fn transform", "fn transfer"),
         ("params.stride", "params.strid"),
