@@ -34,10 +34,21 @@ pub(super) struct Methods {
 /// Where a method comes from.
 #[derive(Clone)]
 enum Choice {
+    /// Not the guard.
     Named(TransformArg),
     /// The guard, with these experts, or its own if there are none, and what weighs them.
     Guard(Vec<ExpertArg>, Option<GuardArg>),
     Weights(PathBuf),
+}
+
+impl Choice {
+    /// What a name stands for alone.
+    fn named(transform: TransformArg) -> Self {
+        match transform {
+            TransformArg::Auto => Self::Guard(Vec::new(), None),
+            transform => Self::Named(transform),
+        }
+    }
 }
 
 struct Ready {
@@ -127,7 +138,7 @@ impl Methods {
     /// How a method is made: one of this bench, or another that has a name.
     fn choice(&self, name: &str) -> Option<Choice> {
         let here = self.names.iter().find(|(known, _)| known == name);
-        here.map(|it| it.1.clone()).or_else(|| TransformArg::named(name).map(Choice::Named))
+        here.map(|it| it.1.clone()).or_else(|| TransformArg::named(name).map(Choice::named))
     }
 
     /// Whether a method can be applied: the file of a network may not be known.
@@ -157,9 +168,6 @@ impl Methods {
         if !self.ready.contains_key(name) {
             let begin = Instant::now();
             let method = match choice {
-                Choice::Named(TransformArg::Auto) => {
-                    Method::auto(&[], None, &origin.sampler, self.backend, &self.common)?
-                }
                 Choice::Named(named) => Method::named(*named, self.backend)?,
                 Choice::Guard(experts, guard) => Method::auto(
                     experts,
