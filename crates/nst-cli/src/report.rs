@@ -7,7 +7,12 @@ use std::{
 
 use serde::Serialize;
 
-use crate::{args::CommonArgs, error::Error, progress::above, words::wrapped};
+use crate::{
+    args::CommonArgs,
+    error::Error,
+    progress::above,
+    words::{printable, wrapped},
+};
 
 /// What a command did or found, as JSON for programs and as text for people.
 pub(crate) trait Report {
@@ -47,7 +52,7 @@ pub(crate) fn print(report: &dyn Report, common: &CommonArgs) -> Result<(), Erro
     match common {
         CommonArgs { json: true, .. } => write(&report.json()),
         CommonArgs { quiet: true, .. } => Ok(()),
-        _ => write(&report.text()),
+        _ => write(&printable(&report.text())),
     }
 }
 
@@ -55,7 +60,7 @@ pub(crate) fn print(report: &dyn Report, common: &CommonArgs) -> Result<(), Erro
 /// printing the report will fail in the same way, after the files are complete.
 pub(crate) fn say(text: &str, common: &CommonArgs) {
     if !(common.json || common.quiet) {
-        let _ = write(text);
+        let _ = write(&printable(text));
     }
 }
 
@@ -85,5 +90,5 @@ fn write(text: &str) -> Result<(), Error> {
 /// Writes a line to standard error, if that is possible.
 pub(crate) fn complain(line: &str) {
     // If it is closed, there is no other place to report that.
-    let _ = above(|| writeln!(std::io::stderr(), "{line}"));
+    let _ = above(|| writeln!(std::io::stderr(), "{}", printable(line)));
 }

@@ -33,6 +33,27 @@ pub(crate) fn list(names: &[impl AsRef<str>], none: &str) -> String {
     }
 }
 
+/// A text of a file for a terminal: what would move its cursor or change its colours is escaped.
+pub(crate) fn printable(text: &str) -> Cow<'_, str> {
+    escaped(text, |c| c.is_control() && c != '\n')
+}
+
+/// The same on one line.
+pub(crate) fn on_one_line(text: &str) -> Cow<'_, str> {
+    escaped(text, char::is_control)
+}
+
+fn escaped(text: &str, escapes: fn(char) -> bool) -> Cow<'_, str> {
+    if !text.contains(escapes) {
+        return Cow::Borrowed(text);
+    }
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        if escapes(c) { out.extend(c.escape_default()) } else { out.push(c) }
+    }
+    Cow::Owned(out)
+}
+
 /// A time in one or two units, rounded up: "9 s", "4 min 20 s", "3 h 5 min".
 pub(crate) fn duration(time: Duration) -> String {
     let seconds = time.as_secs_f64().ceil() as u64;
@@ -104,6 +125,14 @@ mod tests {
         assert_eq!(wrapped(word), word);
         let others = "a line without a label is not broken at all\nerror\n";
         assert_eq!(wrapped(others), others);
+    }
+
+    #[test]
+    fn control_characters_are_shown() {
+        let text = "a title\x1b[2J\x07, two\nlines\u{9b}1m, and Ω";
+        assert_eq!(printable(text), "a title\\u{1b}[2J\\u{7}, two\nlines\\u{9b}1m, and Ω");
+        assert_eq!(on_one_line("two\r\nlines"), "two\\r\\nlines");
+        assert!(matches!(printable("usual\ntext"), Cow::Borrowed(_)));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! EXR files: sequences and pictures.
 
-use std::{collections::BTreeMap, fmt, path::Path};
+use std::{borrow::Cow, collections::BTreeMap, fmt, path::Path};
 
 use nst_files::{
     header::{ExrHeader, Layer, Part},
@@ -12,7 +12,7 @@ use serde::Serialize;
 use super::{Content, or_unknown};
 use crate::{
     error::Error,
-    words::{counted, list, numbers},
+    words::{counted, list, numbers, on_one_line},
 };
 
 #[derive(Serialize)]
@@ -149,18 +149,19 @@ impl PictureReport {
     fn write_parts(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for part in &self.parts {
             writeln!(f, "{}", part.headline())?;
-            let main = |name: &String| if name.is_empty() { "(main)".into() } else { name.clone() };
-            let names: Vec<String> = part.layers.iter().map(main).collect();
+            let layers = part.layers.iter().map(|name| match &**name {
+                "" => Cow::Borrowed("(main)"),
+                name => on_one_line(name),
+            });
+            let names: Vec<_> = layers.collect();
             writeln!(f, "layers      {}", list(&names, "none that is a picture"))?;
             if !part.others.is_empty() {
-                let name = |&channel: &usize| part.channels[channel].name.as_str();
-                writeln!(
-                    f,
-                    "others      {}",
-                    list(&part.others.iter().map(name).collect::<Vec<_>>(), "")
-                )?;
+                let name = |&channel: &usize| on_one_line(&part.channels[channel].name);
+                let names: Vec<_> = part.others.iter().map(name).collect();
+                writeln!(f, "others      {}", list(&names, ""))?;
             }
             for (name, value) in &part.attributes {
+                let [name, value] = [name, value].map(|text| on_one_line(text));
                 writeln!(f, "attribute   {name} = {value}")?;
             }
         }
@@ -171,7 +172,8 @@ impl PictureReport {
 impl PartReport {
     fn headline(&self) -> String {
         let Self { width, height, position: [x, y], .. } = self;
-        let name = self.name.as_ref().map(|name| format!("'{name}' ")).unwrap_or_default();
+        let name =
+            self.name.as_ref().map(|name| format!("'{}' ", on_one_line(name))).unwrap_or_default();
         let at = if [*x, *y] == [0, 0] { String::new() } else { format!(" from ({x}, {y})") };
         let mut kinds: Vec<_> = self.channels.iter().map(|channel| channel.kind).collect();
         kinds.sort_unstable();

@@ -7,7 +7,7 @@ mod scene;
 mod system;
 mod tensors;
 
-use std::{fmt, path::Path};
+use std::{borrow::Cow, fmt, path::Path};
 
 use nst_core::Weights;
 use nst_files::{dataset, guard_table, header::is_exr};
@@ -18,6 +18,7 @@ use crate::{
     error::Error,
     progress::Progress,
     report::Done,
+    words::on_one_line,
 };
 
 /// The facts of a file.
@@ -115,6 +116,6 @@ impl fmt::Display for Report {
     }
 }
 
-fn or_unknown(text: &str) -> &str {
-    if text.is_empty() { "not recorded" } else { text }
+fn or_unknown(text: &str) -> Cow<'_, str> {
+    if text.is_empty() { Cow::Borrowed("not recorded") } else { on_one_line(text) }
 }

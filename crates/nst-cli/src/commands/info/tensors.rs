@@ -10,7 +10,7 @@ use super::or_unknown;
 use crate::{
     error::Error,
     networks::network_of,
-    words::{counted, numbers},
+    words::{counted, numbers, on_one_line},
 };
 
 #[derive(Serialize)]
@@ -94,8 +94,10 @@ impl fmt::Display for WeightsInfo {
         if let Some(experts) = &self.experts {
             writeln!(f, "weighs      the guard's experts {}", experts.join(", "))?;
         }
-        writeln!(f, "trained on  {}, {first} to {last} samples{unit}", self.trained_on.join(", "))?;
-        let Self { loss, epochs, seed, .. } = self;
+        let (trained_on, loss) = (self.trained_on.join(", "), on_one_line(&self.loss));
+        let trained_on = on_one_line(&trained_on);
+        writeln!(f, "trained on  {trained_on}, {first} to {last} samples{unit}")?;
+        let Self { epochs, seed, .. } = self;
         writeln!(f, "training    loss {loss}, {}, seed {seed}", counted(*epochs as usize, "epoch"))
     }
 }

@@ -15,6 +15,7 @@ use super::{
     kept::Kept,
     layers::{FEATURES, Strip},
     learned::GuardMlp,
+    odd::Odd,
     panel::{Failure, Panel},
     seen::PictureExpert,
     simplex::MOST,
@@ -102,8 +103,8 @@ impl PictureGuard {
         })?;
         let panel = self.panel(lane, counts, unit);
         let measured = self.measure(&panel, &mut strips, pixels)?;
-        let (cells, _) = measured.map_err(|failure| failure.error)?;
-        TrainingTable::new(&panel, &cells, batch)
+        let measured = measured.map_err(|failure| failure.error)?;
+        TrainingTable::new(&panel, &measured.cells, batch)
     }
 
     /// How many rows beside a strip are read.
@@ -115,18 +116,19 @@ impl PictureGuard {
         halos.fold(changes::REACH, u32::max)
     }
 
-    /// Measures the experts on all strips: sums of each layer, and what the experts say with all
-    /// folds; or the expert that failed.
+    /// Measures the experts on all strips; or returns the expert that failed.
     fn measure(
         &self,
         panel: &Panel<'_>,
         strips: &mut dyn Strips,
         pixels: usize,
-    ) -> Result<Result<(Vec<Cells>, Kept), Failure>, Error> {
-        let (mut cells, mut kept): (Vec<Cells>, _) = (Vec::new(), Kept::default());
+    ) -> Result<Result<Measured, Failure>, Error> {
+        let mut measured = Measured::default();
+        let Measured { cells, kept, odd } = &mut measured;
         strips.rewind(self.requires().halo())?;
         while let Some(batch) = strips.next_strip()? {
             let strip = Strip::new(&batch).expect("the guard of lanes has seen folds and a grid");
+            strip.count_odd(odd);
             // One by one: what they need meanwhile is not in memory for all of them.
             let views = (0..=GROUPS).map(|group| panel.look(&strip, group));
             let mut views = match views.collect::<Result<Vec<_>, _>>() {
@@ -152,7 +154,7 @@ impl PictureGuard {
             }
             kept.keep(in_picture, views.swap_remove(GROUPS), inner.len() * width == pixels);
         }
-        Ok(Ok((cells, kept)))
+        Ok(Ok(measured))
     }
 
     /// Why the experts are left out of a picture of so many pixels, if they would take longer than
@@ -182,6 +184,15 @@ impl PictureGuard {
     }
 }
 
+/// What experts have said of a picture.
+#[derive(Default)]
+struct Measured {
+    /// Sums of each layer.
+    cells: Vec<Cells>,
+    kept: Kept,
+    odd: Odd,
+}
+
 impl Transform for PictureGuard {
     fn requires(&self) -> Requirements {
         let whole = self.experts.iter().any(|expert| expert.support() == Support::Picture);
@@ -208,7 +219,8 @@ impl Transform for PictureGuard {
         }
         loop {
             match self.measure(&panel, strips, pixels)? {
-                Ok((cells, kept)) => {
+                Ok(Measured { cells, kept, odd }) => {
+                    notes.extend(odd.notes(pixels));
                     // It has only seen lists with such experts.
                     let network = self.network.as_ref().filter(|_| !panel.experts.is_empty());
                     return Ok(Box::new(FittedPicture::new(panel, (&cells, kept), network, notes)));

@@ -2,10 +2,13 @@
 //! the camera sees directly. Denoisers smear lamps over what is around them, unless they get the
 //! two one by one.
 
+use std::borrow::Cow;
+
 use rayon::prelude::*;
 
 use super::{
     super::sample::{CHUNK, FoldMeans, GROUPS, fold_means, of_inner, shares_without},
+    odd::{Odd, part_of},
     seen::SeenFeature,
 };
 use crate::{
@@ -25,7 +28,8 @@ pub(super) struct Strip<'a> {
     /// `[fold]`
     albedo: Option<[&'a [f32]; FOLDS]>,
     normal: Option<[&'a [f32]; FOLDS]>,
-    emission: Option<[&'a [f32]; FOLDS]>,
+    /// As far as it is a part of the radiance.
+    emission: Option<[Cow<'a, [f32]>; FOLDS]>,
 }
 
 /// A part of the radiance.
@@ -96,14 +100,21 @@ impl<'a> Strip<'a> {
     /// `None` if the strip has no grid, or no statistics of folds.
     pub(super) fn new(batch: &'a SequenceBatch) -> Option<Self> {
         let [albedo, normal, emission] = Side::FEATURE_FOLDS.map(|sides| batch.of_folds(sides));
-        Some(Self {
-            batch,
-            grid: batch.grid()?,
-            means: fold_means(batch)?,
-            albedo,
-            normal,
-            emission,
-        })
+        let (grid, means) = (batch.grid()?, fold_means(batch)?);
+        let part = |fold: usize, emission| part_of(emission, means[0][fold]);
+        let emission = emission.map(|folds| std::array::from_fn(|fold| part(fold, folds[fold])));
+        Some(Self { batch, grid, means, albedo, normal, emission })
+    }
+
+    /// Counts pixels of the inner rows whose features are not what they are called.
+    pub(super) fn count_odd(&self, odd: &mut Odd) {
+        for folds in self.albedo.iter().chain(&self.normal) {
+            odd.add_surfaces(self.grid, folds);
+        }
+        let emission = self.batch.of_folds(Side::FEATURE_FOLDS[2]);
+        if let (Some(emission), Some(parts)) = (&emission, &self.emission) {
+            odd.add_emission(self.grid, emission, parts);
+        }
     }
 
     /// The layers without a group; of all folds, if there is no such group.
@@ -117,7 +128,7 @@ impl<'a> Strip<'a> {
         let mut root = mean_over_folds(&self.means[1], &shares);
         let (mut emitted, mut emits) = (None, Vec::new());
         if let Some(folds) = &self.emission {
-            let emission = mean_over_folds(folds, &shares);
+            let emission = mean_over_folds(&folds.each_ref().map(|fold| &**fold), &shares);
             emits = self.emits(&emission);
             self.subtract(&emission, &emits, &mut mean, &mut root);
             // Its roots are not known.
@@ -156,7 +167,8 @@ impl<'a> Strip<'a> {
         if group == GROUPS {
             return vec![Vec::new(); layers.parts.len()];
         }
-        let (held_out, emission) = (self.means[0][group], self.emission.map(|folds| folds[group]));
+        let held_out = self.means[0][group];
+        let emission = self.emission.as_ref().map(|folds| &*folds[group]);
         let of_part = |(part, layer): (usize, &Layer)| match emission {
             Some(emission) if part == EMITTED => self.differences(emission, &layer.mean),
             Some(emission) => of_inner(self.grid, |lanes, out| {

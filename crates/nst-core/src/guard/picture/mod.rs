@@ -25,6 +25,7 @@ mod kept;
 mod layers;
 mod learned;
 mod near;
+mod odd;
 mod panel;
 mod seen;
 mod simplex;

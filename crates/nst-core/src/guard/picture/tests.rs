@@ -604,6 +604,47 @@ fn there_may_be_no_picture_or_little_of_it() {
     assert!(out == of_lanes);
 }
 
+/// What emission a lane is said to have, by what it has in a fold.
+type Lie = fn(usize, u8, f32) -> f32;
+
+#[test]
+fn emission_that_is_no_part_of_the_radiance_does_no_harm() {
+    let lies: [(&str, Lie); 7] = [
+        ("the truth", |_, _, e| e),
+        ("ten times as much", |_, _, e| 10.0 * e),
+        ("below 0", |lane, _, e| if lane.is_multiple_of(5) { e - 3.0 } else { e }),
+        ("where there is none", |lane, _, e| if lane.is_multiple_of(5) { e + 30.0 } else { e }),
+        ("in one fold", |_, fold, e| if fold == 2 { e + 100.0 } else { e }),
+        ("no number", |_, _, _| f32::NAN),
+        ("infinite", |_, _, _| f32::INFINITY),
+    ];
+    let guard = guard(vec![Box::new(Vertical)]);
+    let of_runs = |lie: Lie| {
+        let mut sums = [0.0; 2];
+        for seed in 0..4 {
+            let mut batch = with_features(picture(grid(3), 16, seed));
+            for fold in 0..FOLDS as u8 {
+                let emission = batch.side(&Side::EmissionFold(fold)).expect("a fold").iter();
+                let said = emission.enumerate().map(|(lane, e)| lie(lane, fold, *e)).collect();
+                batch.set_side(Side::EmissionFold(fold), said).expect("its lanes");
+            }
+            let fitted = guard.fit(&mut Whole::new(&batch)).expect("nothing fails");
+            let notes = fitted.judgement().expect("it has judged").notes.join("; ");
+            let says = notes.contains("pixels, emission is no part of the radiance");
+            let is_true = lie(5, 2, 1.0) == 1.0 && lie(6, 2, 1.0) == 1.0;
+            assert_eq!(says, !is_true, "{notes}");
+            let of = errors(&guard, &batch).0;
+            sums = [sums[0] + of[0], sums[1] + of[1]];
+        }
+        sums[0] / sums[1]
+    };
+    // With the truth it is .3. Lies that are believed have up to 1.
+    for (name, lie) in lies {
+        let ratio = of_runs(lie);
+        assert!(ratio < 0.6, "{name}: {ratio}");
+    }
+}
+
 #[test]
 fn what_is_not_finite_stays_where_it_is() {
     let mut batch = with_features(picture(grid(3), 8, 2));
@@ -615,6 +656,10 @@ fn what_is_not_finite_stays_where_it_is() {
     normals[7] = f32::INFINITY;
     batch.set_side(Side::NormalFold(2), normals).expect("its pixels");
     let guard = guard(vec![Box::new(WelchFilter::default()), Box::new(Vertical)]);
+    let fitted = guard.fit(&mut Whole::new(&batch)).expect("nothing fails");
+    let notes = &fitted.judgement().expect("it has judged").notes;
+    let said = ["in 1 of 2288 pixels, albedo or normals are not finite, and tell nothing there"];
+    assert_eq!(notes[..], said);
     let (_, out) = errors(&guard, &batch);
     assert!(out.values().iter().all(|value| value.is_finite()));
     // What is not finite changes weights a little; in most lanes by less than noise of S, .1 to .3.

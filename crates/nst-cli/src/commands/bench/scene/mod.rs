@@ -205,33 +205,36 @@ fn measure(
     };
     let pairs = source.pairs(args);
     let total = pairs.iter().map(|(spp, runs)| work(table, *spp, runs)).sum();
+    let known =
+        |table: &Table| pairs.iter().filter(|(spp, runs)| work(table, *spp, runs) == 0).count();
+    let stopped = |table: &Table| {
+        Error::Interrupted(format!(
+            "{} of {} pairs of runs are in '{}'; the same command goes on from there",
+            known(table),
+            pairs.len(),
+            args.output.display()
+        ))
+    };
     let progress = Progress::count("measuring", "bench", total, &args.common);
-    for (i, (spp, runs)) in pairs.iter().enumerate() {
+    for (spp, runs) in &pairs {
         let work = work(table, *spp, runs);
         if work == 0 {
             continue;
         }
-        let stopped = || {
-            Error::Interrupted(format!(
-                "{i} of {} pairs of runs are in '{}'; the same command goes on from there",
-                pairs.len(),
-                args.output.display()
-            ))
-        };
         let mut batches: Vec<Run> = Vec::new();
         for &run in runs {
             batches.push(source.run(*spp, run, needs)?);
             meter.check_independent(&batches[batches.len() - 1])?;
             if interrupt::asked() {
-                return Err(stopped());
+                return Err(stopped(table));
             }
         }
         let wanted = |name: &str, run: u32| !table.has(name, *spp, run);
         let rows = meter.measure(methods, wanted, &batches)?;
         table.add(rows)?;
         progress.advance(work);
-        if interrupt::asked() && i + 1 < pairs.len() {
-            return Err(stopped());
+        if interrupt::asked() && known(table) < pairs.len() {
+            return Err(stopped(table));
         }
     }
     Ok(())

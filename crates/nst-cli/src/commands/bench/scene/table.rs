@@ -192,9 +192,7 @@ fn rows(path: &Path, bytes: &[u8]) -> Result<Vec<Row>, Error> {
     parse_table(bytes).map_err(|message| {
         let path = path.to_owned();
         let error = nst_files::Error::Malformed { path, message };
-        Error::Unlike(format!(
-            "{error}; a bench goes on with the rows that are there: name another file"
-        ))
+        Error::Unlike(format!("{error}; a bench keeps the rows that are there: name another file"))
     })
 }
 
@@ -212,7 +210,7 @@ fn refusal(path: &Path, rows: &[Row], what: &str) -> Error {
         None => "use the files of --reference as they do, or ".to_owned(),
     };
     Error::Unlike(format!(
-        "'{}' has rows of another {what}; a bench goes on with the rows that are there: {how}name \
+        "'{}' has rows of another {what}, which those of this bench cannot be added to: {how}name \
          another file",
         path.display()
     ))
