@@ -225,11 +225,24 @@ class Measured:
         return lines
 
 
+def decile_lines(rows: list[dict[str, str]], ratios: list[float]) -> list[str]:
+    """All scenes and samplers together."""
+    lines = ["| tenth | " + " | ".join(f"{spp} spp" for spp in ERROR_COUNTS) + " | both |"]
+    lines.append("|---" * (len(ERROR_COUNTS) + 2) + "|")
+    for decile in range(DECILES):
+        known = [(row["spp"], x) for row, x in zip(rows, ratios, strict=True) if int(row["decile"]) == decile]
+        columns = [[x for spp, x in known if spp == str(count)] for count in ERROR_COUNTS]
+        means = [geometric_mean(column) for column in [*columns, [x for _, x in known]]]
+        lines.append(f"| {decile + 1} | " + " | ".join(f"{mean:.2f}" for mean in means) + " |")
+    return lines
+
+
 def error_lines() -> list[str]:
     rows = [row for row in read(ERRORS) if float(row["true"]) > 0]
     ratios = [float(row["estimated"]) / float(row["true"]) for row in rows]
     outside = [i for i, ratio in enumerate(ratios) if not 1 / FACTOR <= ratio <= FACTOR]
-    lines = [f"| sampler | tenths | within a factor of {FACTOR} |", "|---|---|---|"]
+    lines = [*decile_lines(rows, ratios), "", "Scene by scene:", ""]
+    lines += [f"| sampler | tenths | within a factor of {FACTOR} |", "|---|---|---|"]
     for sampler in COUNTS:
         known = [i for i, row in enumerate(rows) if row["sampler"] == sampler]
         lines.append(f"| {sampler} | {len(known)} | {len(known) - len(set(known) & set(outside))} |")

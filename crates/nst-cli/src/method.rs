@@ -20,6 +20,7 @@ use crate::{
     guard::{Guarded, guard},
     networks::{builtin, builtin_of_samples, network_of},
     samples::{Lack, evaluated},
+    words::list,
 };
 
 /// The last terms of a stored sequence, unless the method reads more: the window of the
@@ -182,8 +183,9 @@ impl Method {
 
     /// What the user should know of the method, before it sees samples with these side channels.
     pub(crate) fn notes(&self, args: &MethodArgs, sides: &[Side]) -> Vec<String> {
-        let notes = [self.missing.clone(), self.blind(sides), self.without_gpu(args)];
-        notes.into_iter().flatten().collect()
+        let of_features = [self.blind(sides), self.incomplete(sides)];
+        let notes = [self.missing.clone()].into_iter().chain(of_features);
+        notes.chain([self.without_gpu(args)]).flatten().collect()
     }
 
     /// Says so if experts that look at neighbours will know nothing but radiance. Where nothing can
@@ -193,6 +195,20 @@ impl Method {
         let has_features = sides.iter().any(|side| side.is_feature() && side.is_of_fold());
         let is_blind = self.transform.requires().reads_features() && has_folds && !has_features;
         is_blind.then(|| BLIND.to_owned())
+    }
+
+    /// Says which features take no part, as some of their folds are missing.
+    fn incomplete(&self, sides: &[Side]) -> Option<String> {
+        let is_missing = |side: &&Side| !sides.contains(side);
+        let of_kinds = Side::FEATURE_FOLDS.iter();
+        let some = of_kinds.filter(|folds| folds.iter().any(|side| sides.contains(side)));
+        let missing = some.flat_map(|folds| folds.iter().filter(is_missing));
+        let missing: Vec<String> = missing.map(Side::to_string).collect();
+        let is_lost = self.transform.requires().reads_features() && !missing.is_empty();
+        is_lost.then(|| {
+            let missing = list(&missing, "");
+            format!("no {missing}: a feature takes part if all of its folds are there")
+        })
     }
 
     /// Says so if a GPU was asked for in vain, by the method or by experts of it.

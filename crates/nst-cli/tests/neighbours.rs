@@ -85,6 +85,30 @@ fn without_features_radiance_is_all_there_is() {
     assert!(lanes(&bench, "n.exr", "") == lanes(&bench, "n.exr", "S"));
 }
 
+#[test]
+fn a_feature_that_lacks_a_fold_takes_no_part() {
+    let bench = Bench::new();
+    bench.succeed(&render("--spp 8 --features --sequence s.exr -o x.exr --transform none -q"));
+    let mut file = std::fs::read(bench.path("s.exr")).expect("a file");
+    // Other names of the same length, which sort alike; the rendering's state has no 0 before its own.
+    // Without `nst.keep` that is not read.
+    for (name, other, count) in [("\0albedo3.", "\0albedo9.", 3), ("nst.keep", "nst.kept", 1)] {
+        let is_there = |at: &usize| file[*at..].starts_with(name.as_bytes());
+        let places: Vec<usize> = (0..file.len() - name.len()).filter(is_there).collect();
+        assert_eq!(places.len(), count, "{name}");
+        places.iter().for_each(|at| file[*at..][..name.len()].copy_from_slice(other.as_bytes()));
+    }
+    std::fs::write(bench.path("t.exr"), file).expect("a file");
+    let note = "no albedo3: a feature takes part if all of its folds are there";
+    for (sequence, is_told) in [("s.exr", false), ("t.exr", true)] {
+        let said = report(&bench, &format!("transform {sequence} -o y.exr --experts filter"));
+        assert_eq!(said["notes"].to_string().contains(note), is_told, "{said}");
+        // Lanes are blended without.
+        let said = report(&bench, &format!("transform {sequence} -o y.exr --experts lane"));
+        assert!(!said["notes"].to_string().contains(note), "{said}");
+    }
+}
+
 /// A file that is no library is named, and so is one that is not there. Which file is loaded is
 /// said before, but not where programs listen.
 #[test]
