@@ -108,9 +108,9 @@ impl<'a> Strip<'a> {
 
     /// Counts pixels of the inner rows whose features are not what they are called.
     pub(super) fn count_odd(&self, odd: &mut Odd) {
-        for folds in self.albedo.iter().chain(&self.normal) {
-            odd.add_surfaces(self.grid, folds);
-        }
+        let surfaces: Vec<&[f32]> =
+            self.albedo.iter().chain(&self.normal).flatten().copied().collect();
+        odd.add_surfaces(self.grid, &surfaces);
         let emission = self.batch.of_folds(Side::FEATURE_FOLDS[2]);
         if let (Some(emission), Some(parts)) = (&emission, &self.emission) {
             odd.add_emission(self.grid, emission, parts);

@@ -34,10 +34,14 @@ pub(super) struct Odd {
 }
 
 impl Odd {
-    /// Adds the inner rows of a strip: pixels whose albedo or normals are not finite.
-    pub(super) fn add_surfaces(&mut self, grid: &Grid, folds: &[&[f32]; FOLDS]) {
-        let is_odd = |at: usize| folds.iter().any(|fold| !fold[at].is_finite());
-        self.surfaces += count(grid, folds[0].len(), is_odd);
+    /// Adds the inner rows of a strip: pixels whose albedo or normals are not finite, by fold.
+    pub(super) fn add_surfaces(&mut self, grid: &Grid, folds: &[&[f32]]) {
+        self.surfaces += count(grid, |pixel| {
+            let of_pixel = |fold: &&[f32]| {
+                fold[pixel..].iter().step_by(grid.pixels()).any(|number| !number.is_finite())
+            };
+            folds.iter().any(of_pixel)
+        });
     }
 
     /// The same for pixels whose emission is no [part](part_of) of the radiance.
@@ -52,7 +56,8 @@ impl Odd {
         let others: Vec<(&[f32], &[f32])> = others.map(|(e, part)| (*e, &**part)).collect();
         if !others.is_empty() {
             let is_odd = |lane| others.iter().any(|(e, part)| e[lane] != part[lane]);
-            self.emission += count(grid, grid.lanes(), is_odd);
+            let lanes = |pixel| (pixel..grid.lanes()).step_by(grid.pixels());
+            self.emission += count(grid, |pixel| lanes(pixel).any(is_odd));
         }
     }
 
@@ -68,9 +73,9 @@ impl Odd {
     }
 }
 
-/// In how many pixels of the inner rows one of so many numbers, some for each pixel, is odd.
-fn count(grid: &Grid, numbers: usize, is_odd: impl Fn(usize) -> bool + Sync) -> usize {
+/// How many pixels of the inner rows are odd.
+fn count(grid: &Grid, is_odd: impl Fn(usize) -> bool + Sync) -> usize {
     let rows = grid.inner_rows();
     let pixels = (rows.start * grid.width()..rows.end * grid.width()).into_par_iter();
-    pixels.filter(|pixel| (*pixel..numbers).step_by(grid.pixels()).any(&is_odd)).count()
+    pixels.filter(|pixel| is_odd(*pixel)).count()
 }

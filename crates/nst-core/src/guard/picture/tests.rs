@@ -655,10 +655,14 @@ fn what_is_not_finite_stays_where_it_is() {
     let mut normals = batch.side(&Side::NormalFold(2)).expect("a fold").to_vec();
     normals[7] = f32::INFINITY;
     batch.set_side(Side::NormalFold(2), normals).expect("its pixels");
+    // Of the same pixel, which counts once; and of another one.
+    let mut albedo = batch.side(&Side::AlbedoFold(1)).expect("a fold").to_vec();
+    (albedo[7 + WIDTH * HEIGHT], albedo[9]) = (f32::NAN, f32::NAN);
+    batch.set_side(Side::AlbedoFold(1), albedo).expect("its lanes");
     let guard = guard(vec![Box::new(WelchFilter::default()), Box::new(Vertical)]);
     let fitted = guard.fit(&mut Whole::new(&batch)).expect("nothing fails");
     let notes = &fitted.judgement().expect("it has judged").notes;
-    let said = ["in 1 of 2288 pixels, albedo or normals are not finite, and tell nothing there"];
+    let said = ["in 2 of 2288 pixels, albedo or normals are not finite, and tell nothing there"];
     assert_eq!(notes[..], said);
     let (_, out) = errors(&guard, &batch);
     assert!(out.values().iter().all(|value| value.is_finite()));
