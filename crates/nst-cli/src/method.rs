@@ -5,8 +5,8 @@ use std::{path::Path, sync::Arc, time::Duration};
 #[cfg(feature = "gpu")]
 use nst_core::gpu::{AdapterKind, FilterGpu, Gpu, MlpGpu};
 use nst_core::{
-    Estimates, Identity, MlpCpu, Network, SampleNetwork, SequenceBatch, Side, Transform, Weights,
-    Whole,
+    Estimates, Identity, Metadata, MlpCpu, Network, SampleNetwork, SequenceBatch, Side, Transform,
+    Weights, Whole,
     guard::{Alone, Judgement, TimeLimit},
     methods::method,
 };
@@ -50,6 +50,8 @@ pub(crate) struct Method {
     /// The option that asks for it, if it is a network that sees samples, without the guard: where
     /// they lack what it needs, the job fails.
     pub(crate) needs_statistics: Option<String>,
+    /// What a network was trained with that works without the guard.
+    pub(crate) training: Option<Metadata>,
     /// Why one of all experts takes no part.
     pub(crate) missing: Option<String>,
     /// The longest time that experts may take which nobody has named.
@@ -181,11 +183,38 @@ impl Method {
         }
     }
 
-    /// What the user should know of the method, before it sees samples with these side channels.
-    pub(crate) fn notes(&self, args: &MethodArgs, sides: &[Side]) -> Vec<String> {
+    /// What the user should know of the method, before it sees `samples` per pixel of such a sampler
+    /// with these side channels.
+    pub(crate) fn notes(
+        &self,
+        args: &MethodArgs,
+        sides: &[Side],
+        samples: u32,
+        sampler: &str,
+    ) -> Vec<String> {
         let of_features = [self.blind(sides), self.incomplete(sides)];
-        let notes = [self.missing.clone()].into_iter().chain(of_features);
-        notes.chain([self.without_gpu(args)]).flatten().collect()
+        let others = [self.unlike_training(samples, sampler), self.without_gpu(args)];
+        let notes = [self.missing.clone()].into_iter().chain(of_features).chain(others);
+        notes.flatten().collect()
+    }
+
+    /// Says so if a network was trained on other numbers of samples, or on those of another sampler.
+    /// The sampler of other programs' files is not known.
+    fn unlike_training(&self, samples: u32, sampler: &str) -> Option<String> {
+        let Metadata { samples: (first, last), sampler: trained, .. } = self.training.as_ref()?;
+        let trained = trained.as_deref().filter(|it| !sampler.is_empty() && *it != sampler);
+        let of_count = (!(*first..=*last).contains(&samples))
+            .then(|| format!("{first} to {last} samples, and there are {samples}"));
+        let of_sampler = trained
+            .map(|it| format!("samples of the sampler '{it}', and these are of '{sampler}'"));
+        let unlike: Vec<String> = of_count.into_iter().chain(of_sampler).collect();
+        (!unlike.is_empty()).then(|| {
+            let unlike = unlike.join("; on ");
+            format!(
+                "'{}' was trained on {unlike}: it may be worse than the plain estimate",
+                self.name
+            )
+        })
     }
 
     /// Says so if experts that look at neighbours will know nothing but radiance. Where nothing can
@@ -249,7 +278,16 @@ impl Method {
     fn on_cpu(name: &str, reason: &'static str, transform: Box<dyn Transform>) -> Self {
         let (name, adapter) = (name.to_owned(), Adapter::default());
         let limit = TimeLimit::default();
-        Self { name, reason, adapter, transform, needs_statistics: None, missing: None, limit }
+        Self {
+            name,
+            reason,
+            adapter,
+            transform,
+            needs_statistics: None,
+            training: None,
+            missing: None,
+            limit,
+        }
     }
 
     /// A network that sees samples, without the guard; `option` asks for it.
@@ -260,9 +298,10 @@ impl Method {
         backend: BackendArg,
     ) -> Result<Self, Error> {
         let adapter = Adapter::default();
+        let training = Some(network.metadata().clone());
         let mlp = evaluated(name.to_owned(), network, backend, &adapter)?;
         let method = Self::on_cpu(name, AS_ASKED, Box::new(Alone::new(mlp)));
-        Ok(Self { adapter, needs_statistics: Some(option), ..method })
+        Ok(Self { adapter, needs_statistics: Some(option), training, ..method })
     }
 
     fn network(
@@ -270,6 +309,7 @@ impl Method {
         network: Network,
         backend: BackendArg,
     ) -> Result<Self, Error> {
+        let training = Some(network.metadata().clone());
         let network = Arc::new(network);
         let cpu = MlpCpu::new(Arc::clone(&network));
         let adapter = Adapter::default();
@@ -279,7 +319,7 @@ impl Method {
             BackendArg::Auto => on_any(network, cpu, &adapter),
         };
         let method = Self::on_cpu(&name.into(), AS_ASKED, transform);
-        Ok(Self { adapter, ..method })
+        Ok(Self { adapter, training, ..method })
     }
 }
 

@@ -67,6 +67,33 @@ fn as_experts() {
     assert_eq!(experts(&three)[3..], names);
 }
 
+/// Without the guard, nothing keeps a network from harm that sees what it was not trained on.
+#[test]
+fn what_a_network_was_not_trained_on_is_told() {
+    let bench = Bench::new();
+    bench.write("mine.safetensors", network_file("plane-ggx"));
+    let note = |samples: &str, method: &str| {
+        let job = format!("--sequence s.exr -o x.exr {samples} {method}");
+        let rendered = notes(&report(&bench, &render(&job)));
+        // Of the stored sequence, it is told the same.
+        let stored = notes(&report(&bench, &format!("transform s.exr -o y.exr {method}")));
+        assert_eq!(rendered, stored);
+        rendered
+    };
+    let plane = "--transform plane-ggx";
+    assert_eq!(note("--spp 32 --sampler random", plane), "[]");
+    let few = note("--spp 64 --sampler random", "--weights mine.safetensors");
+    let said =
+        "'mine.safetensors' was trained on 8 to 32 samples, and there are 64: it may be worse";
+    assert!(few.contains(said), "{few}");
+    let other = note("--spp 32 --sampler halton", plane);
+    let said =
+        "'plane-ggx' was trained on samples of the sampler 'random', and these are of 'halton'";
+    assert!(other.contains(said), "{other}");
+    // Below the guard, samples that are held out tell.
+    assert_eq!(note("--spp 512 --sampler random", "--experts lane,small"), "[]");
+}
+
 /// Without the guard S is replaced, by the same numbers however the network is named.
 #[test]
 fn alone() {

@@ -29,7 +29,8 @@ pub(super) fn run(args: &TransformArgs) -> Result<Summary, Error> {
     );
     method.check_terms(info.sample_counts.len(), &advice)?;
     let mut notes: Vec<String> = method.check_statistics(&info.sides)?.into_iter().collect();
-    notes.extend(method.notes(&args.method, &info.sides));
+    let samples = info.sample_counts.last().copied().unwrap_or_default();
+    notes.extend(method.notes(&args.method, &info.sides, samples, &info.sampler));
     reader = reader.with_least_strip_rows(method.transform.requires().least_rows());
 
     let mut outputs = Outputs::of_inputs([&args.sequence].into_iter().chain(args.method.files()));

@@ -76,7 +76,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Done, Error> {
     if let Some(start) = &start {
         say(&format!("resumed    from {} spp", start.samples), &args.common);
     }
-    let of_method = method.notes(&args.method, &sides);
+    let of_method = method.notes(&args.method, &sides, settings.spp, &sampler.to_string());
     let notes = lacking.into_iter().chain(lost).chain(of_method).collect();
     job.render(watch, method, &settings, files, start, notes)
 }
