@@ -455,6 +455,27 @@ fn other_primaries_are_told() {
     assert!(!output.status.success() && said.contains("other primaries"), "{said}");
 }
 
+/// What is wrong with a mean of pictures that were blended is the same in all of them.
+#[test]
+fn blended_pictures_are_told_from_plain_ones() {
+    let bench = Bench::new();
+    for (seed, method) in [(1, "auto"), (2, "auto"), (3, "none"), (4, "none")] {
+        let scene = format!("render --scene {} --size 40x32 --spp 16", common::cornell());
+        let picture = format!("--seed {seed} --transform {method} -o p{seed}.exr -q");
+        bench.succeed(&format!("{scene} {picture}"));
+    }
+    for (command, is_told) in [
+        ("pack p1.exr p2.exr -o seq.exr", true),
+        ("pack p1.exr p2.exr --layer S -o seq.exr", false),
+        ("pack p3.exr p4.exr -o seq.exr", false),
+    ] {
+        let said = bench.succeed(command);
+        let told = said.contains("'p1.exr' is denoised in the main picture")
+            && said.contains("--layer 'S' takes them as they were before");
+        assert_eq!(told, is_told, "{command}: {said}");
+    }
+}
+
 #[test]
 fn sequences_are_not_packed_as_pictures() {
     let bench = Bench::new();

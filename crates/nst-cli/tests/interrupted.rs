@@ -109,7 +109,7 @@ fn stop_and_go_on(name: &str, expected: i32) {
     let stopped = sequence(&bench, "seq.exr");
     let samples = stopped.info.samples();
     assert!(
-        said.contains(&format!("{samples} of 1000000 spp")) && said.contains("--resume seq.exr")
+        said.contains(&format!("{samples} of 1000000 spp")) && said.contains("--resume 'seq.exr'")
     );
     assert!((1..1_000_000).contains(&samples), "{samples}");
     assert_eq!(layers(&bench.path("x.exr"))[1].len(), 40 * 30 * 3);

@@ -82,6 +82,18 @@ pub struct Layer {
     pub channels: Vec<usize>,
 }
 
+impl Layer {
+    /// Its name in messages.
+    pub(crate) fn title(&self) -> &str {
+        title(&self.name)
+    }
+}
+
+/// The name of a layer in messages.
+pub(crate) fn title(layer: &str) -> &str {
+    if layer.is_empty() { "the main picture" } else { layer }
+}
+
 /// Whether a file starts as EXR files do.
 ///
 /// # Errors
@@ -162,10 +174,7 @@ impl ExrHeader {
     /// What is wrong, and which layers there are.
     pub fn choose(&self, name: Option<&str>) -> Result<Layer, String> {
         let mut layers = self.layers();
-        let names: Vec<_> = layers
-            .iter()
-            .map(|layer| if layer.name.is_empty() { "the main picture" } else { &layer.name })
-            .collect();
+        let names: Vec<_> = layers.iter().map(Layer::title).collect();
         let names = listed(&names);
         let Some(name) = name else {
             if let Some(main) = layers.iter().position(|layer| layer.name.is_empty()) {
@@ -179,7 +188,9 @@ impl ExrHeader {
                         "luminance and chroma ({channels}) are not supported; save it as R, G and B"
                     )
                 } else {
-                    format!("no channels R, G, B or Y; name one of its channels: {channels}")
+                    format!(
+                        "no channels R, G and B, nor Y alone; name one of its channels: {channels}"
+                    )
                 });
             }
             if layers.len() > 1 {

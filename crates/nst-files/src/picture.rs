@@ -22,7 +22,7 @@ use rayon::prelude::*;
 
 use crate::{
     Error, blender,
-    header::{ExrHeader, Layer, Part, Window, open},
+    header::{ExrHeader, Layer, Part, Window, open, title},
     primaries,
 };
 
@@ -104,7 +104,9 @@ impl Picture {
         Grid::new(width, height, layer.channels.len() as u32, 0)
             .map_err(|error| Error::malformed(path, error.to_string()))?;
         let samples = samples_per_pixel(header, &layer);
-        let before_denoising = blender::before_denoising(&layer.name);
+        let blended = layer.name.is_empty() && part.attributes.contains_key("nst.expert");
+        let plain = blended.then(|| "S".to_owned());
+        let before_denoising = plain.or_else(|| blender::before_denoising(&layer.name));
         Ok(Self {
             path: path.to_owned(),
             part: layer.part,
@@ -181,8 +183,8 @@ impl Picture {
     /// err in the same way in all of them.
     #[must_use]
     pub fn denoised_note(&self) -> Option<String> {
-        let (path, layer, noisy) =
-            (self.path.display(), &self.layer, self.before_denoising.as_ref()?);
+        let (path, noisy) = (self.path.display(), self.before_denoising.as_ref()?);
+        let layer = title(&self.layer);
         Some(format!(
             "'{path}' is denoised in {layer}: a mean of denoised pictures does not converge to \
              the true one; --layer '{noisy}' takes them as they were before"

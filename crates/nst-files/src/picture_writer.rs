@@ -33,7 +33,7 @@ pub struct PictureInfo {
 
 impl PictureInfo {
     fn attributes(&self) -> Attributes {
-        let samples = self.samples_per_pixel.map(|it| i32::try_from(it).unwrap_or(i32::MAX));
+        let samples = self.samples_per_pixel.and_then(|it| i32::try_from(it).ok());
         let text = |text: &Option<String>| text.clone().map(Attribute::Text);
         let predicted = |i: usize| self.predicted.map(|of| Attribute::F32(of[i]));
         let all = [

@@ -34,7 +34,7 @@ pub(crate) struct RenderArgs {
         value_name = "R",
         value_parser = count,
         allow_negative_numbers = true,
-        conflicts_with_all = ["sequence", "experts", "guard", "weights"]
+        conflicts_with_all = ["sequence", "transform", "experts", "guard", "weights", "backend"]
     )]
     pub(crate) runs: Option<u32>,
     /// Also store the sequence, for `nst transform` and --resume.
@@ -80,7 +80,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_parser = seed, allow_negative_numbers = true)]
     pub(crate) seed: Option<u64>,
     /// `path`: paths up to the depth; `direct`: depth 2, direct light only. [default: path]
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, conflicts_with = "max_depth")]
     pub(crate) integrator: Option<IntegratorArg>,
     /// Path vertices after the camera that may scatter or emit: 1 shows lights only.
     /// [default: the scene's]

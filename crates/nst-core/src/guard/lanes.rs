@@ -135,7 +135,7 @@ impl Guard {
                     Status::TooShort => {
                         "there are fewer than four samples, so nothing can be held out"
                     }
-                    _ => "no estimates are finite",
+                    _ => "no pixel has folds that are finite, and whose squares are",
                 };
                 return plain(status, why);
             }

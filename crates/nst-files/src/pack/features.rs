@@ -130,7 +130,7 @@ fn named(
     channels: &[&str],
 ) -> Result<Layer, Error> {
     let layers = header.layers_with(channels);
-    let all: Vec<_> = layers.iter().map(|layer| layer.name.clone()).collect();
+    let all: Vec<_> = layers.iter().map(|layer| layer.title().to_owned()).collect();
     layers.into_iter().find(|layer| layer.name == name).ok_or_else(|| {
         let message = format!(
             "no layer '{name}' with the channels {}; its layers with those are {}",

@@ -152,9 +152,11 @@ fn attributes(info: &SequenceInfo) -> Attributes {
         ("nst.scene", text(&info.scene)),
         ("nst.sampler", text(&info.sampler)),
         ("nst.seed", Attribute::Text(join(&mut info.seeds.iter().map(u64::to_string)))),
-        ("samplesPerPixel", Attribute::I32(i32::try_from(info.samples()).unwrap_or(i32::MAX))),
         ("renderTimeSeconds", Attribute::F32(info.render_seconds)),
     ];
+    // More than it can say are in `nst.terms` alone.
+    let samples = i32::try_from(info.samples()).ok();
+    attributes.extend(samples.map(|samples| ("samplesPerPixel", Attribute::I32(samples))));
     if let Some(ResumeInfo { keep, pixel_filter, max_depth, russian_roulette, .. }) = &info.resume {
         attributes.push(("nst.keep", text(&keep.to_string())));
         attributes.push(("nst.pixel", text(pixel_filter)));

@@ -55,6 +55,14 @@ pub(super) fn samples_of_estimates(
     if let Some(counts) = from(&|picture| samples_in_name(picture.path())) {
         return Ok((counts, "the files' names".into()));
     }
+    if let Some((picture, unclear)) =
+        pictures.iter().find_map(|it| Some((it, it.samples_unclear.as_ref()?)))
+    {
+        return Err(Error::Usage(format!(
+            "'{}' says {unclear}, which is no whole number above 0; list the numbers with --spp-list",
+            picture.path().display()
+        )));
+    }
     let unknown = pictures.iter().find(|picture| samples_in_name(picture.path()).is_none());
     Err(Error::Usage(format!(
         "'{}' does not say how many samples per pixel it shows, neither in the attribute \

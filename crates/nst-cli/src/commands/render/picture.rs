@@ -259,7 +259,7 @@ impl Job<'_> {
         let Self { args, .. } = self;
         let sequence = args.sequence.as_ref().or(args.resume.as_ref());
         let how = match sequence {
-            Some(path) => format!("; --resume {} goes on from there", path.display()),
+            Some(path) => format!("; --resume '{}' goes on from there", path.display()),
             None => String::new(),
         };
         format!("{samples} of {} spp are in the files{how}", args.spp)
