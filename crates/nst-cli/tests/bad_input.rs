@@ -136,7 +136,7 @@ fn sidecars() {
 fn command_lines() {
     let bench = Bench::new();
     bench.write("x.obj", TRIANGLE);
-    let cases: [(&str, &[&str]); 20] = [
+    let cases: [(&str, &[&str]); 18] = [
         ("--spp 0", &["--spp", "0"]),
         ("--spp many", &["--spp"]),
         ("--size 10", &["--size", "512x512"]),
@@ -151,8 +151,6 @@ fn command_lines() {
         ("--runs 2 --sequence seq.exr", &["--runs", "--sequence"]),
         ("--runs 2 --experts lane", &["--runs", "--experts"]),
         ("--runs 2 --guard closed", &["--runs", "--guard"]),
-        ("--runs 2 --transform none", &["--runs", "--transform"]),
-        ("--runs 2 --backend cpu", &["--runs", "--backend"]),
         ("--integrator direct --max-depth 8", &["--integrator", "--max-depth"]),
         ("--runs 2 --weights w.safetensors", &["--runs", "--weights"]),
         ("--keep all", &["--sequence"]),

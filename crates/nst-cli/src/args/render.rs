@@ -34,7 +34,7 @@ pub(crate) struct RenderArgs {
         value_name = "R",
         value_parser = count,
         allow_negative_numbers = true,
-        conflicts_with_all = ["sequence", "transform", "experts", "guard", "weights", "backend"]
+        conflicts_with_all = ["sequence", "experts", "guard", "weights"]
     )]
     pub(crate) runs: Option<u32>,
     /// Also store the sequence, for `nst transform` and --resume.
