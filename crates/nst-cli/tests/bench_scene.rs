@@ -225,6 +225,9 @@ fn a_bench_that_is_cut_off_goes_on() {
     assert_eq!(code, Some(143), "{complained}");
     assert!(complained.contains("the same command goes on from there"), "{complained}");
     let stopped = table(&bench, "t.csv");
+    // Two rows for each run, of the plain estimates and of gmon.
+    let pairs = format!("{} of 500000 pairs of runs are in 't.csv'", stopped.len() / 4);
+    assert!(complained.contains(&pairs), "{complained}: {}", stopped.len());
     let runs = stopped.len() as u32 / 2 + 2;
     succeed(&bench, &args(runs));
     let continued = table(&bench, "t.csv");

@@ -225,7 +225,7 @@ fn numbers_of_samples_that_are_none() {
         bench.write("x.exr", exr(&names, [4, 4], &[(name, kind, value)]));
         bench.succeed("info x.exr");
         refused(&bench, &pack("samples"), &[name, "no whole number above 0", "--spp"]);
-        refused(&bench, &pack("estimates"), &["--spp-list"]);
+        refused(&bench, &pack("estimates"), &[name, "no whole number above 0", "--spp-list"]);
     }
     bench.write("x.exr", exr(&rgb(), [4, 4], &[(single, "box2i", numbers(&[1; 4]))]));
     refused(&bench, &pack("samples"), &[single, "--spp"]);

@@ -82,13 +82,6 @@ pub struct Layer {
     pub channels: Vec<usize>,
 }
 
-impl Layer {
-    /// Its name in messages.
-    pub(crate) fn title(&self) -> &str {
-        title(&self.name)
-    }
-}
-
 /// The name of a layer in messages.
 pub(crate) fn title(layer: &str) -> &str {
     if layer.is_empty() { "the main picture" } else { layer }
@@ -174,7 +167,7 @@ impl ExrHeader {
     /// What is wrong, and which layers there are.
     pub fn choose(&self, name: Option<&str>) -> Result<Layer, String> {
         let mut layers = self.layers();
-        let names: Vec<_> = layers.iter().map(Layer::title).collect();
+        let names: Vec<_> = layers.iter().map(|layer| title(&layer.name)).collect();
         let names = listed(&names);
         let Some(name) = name else {
             if let Some(main) = layers.iter().position(|layer| layer.name.is_empty()) {

@@ -8,7 +8,7 @@ use nst_core::{FOLDS, Side};
 
 use crate::{
     Error,
-    header::{ExrHeader, Layer},
+    header::{ExrHeader, Layer, title},
     picture::Picture,
 };
 
@@ -130,7 +130,7 @@ fn named(
     channels: &[&str],
 ) -> Result<Layer, Error> {
     let layers = header.layers_with(channels);
-    let all: Vec<_> = layers.iter().map(|layer| layer.title().to_owned()).collect();
+    let all: Vec<_> = layers.iter().map(|layer| title(&layer.name).to_owned()).collect();
     layers.into_iter().find(|layer| layer.name == name).ok_or_else(|| {
         let message = format!(
             "no layer '{name}' with the channels {}; its layers with those are {}",

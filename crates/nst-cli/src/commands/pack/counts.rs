@@ -17,16 +17,13 @@ pub(super) fn samples_each(spp: Option<u32>, pictures: &[Picture]) -> Result<(u3
     for picture in pictures {
         let path = picture.path().display();
         let Some(spp) = picture.samples_per_pixel else {
-            if let Some(unclear) = &picture.samples_unclear {
-                return Err(Error::Usage(format!(
-                    "'{path}' says {unclear}, which is no whole number above 0; say with --spp \
-                     with how many samples per pixel it was rendered"
-                )));
-            }
-            return Err(Error::Usage(format!(
-                "'{path}' does not say with how many samples per pixel it was rendered (attribute \
-                 samplesPerPixel, or Blender's cycles.VIEW.samples); say it with --spp"
-            )));
+            let advice = "say with --spp with how many samples per pixel it was rendered";
+            return Err(unclear(picture, advice).unwrap_or_else(|| {
+                Error::Usage(format!(
+                    "'{path}' does not say with how many samples per pixel it was rendered \
+                     (attribute samplesPerPixel, or Blender's cycles.VIEW.samples); say it with --spp"
+                ))
+            }));
         };
         if Some(spp) != first.samples_per_pixel {
             return Err(Error::Unlike(format!(
@@ -55,13 +52,9 @@ pub(super) fn samples_of_estimates(
     if let Some(counts) = from(&|picture| samples_in_name(picture.path())) {
         return Ok((counts, "the files' names".into()));
     }
-    if let Some((picture, unclear)) =
-        pictures.iter().find_map(|it| Some((it, it.samples_unclear.as_ref()?)))
-    {
-        return Err(Error::Usage(format!(
-            "'{}' says {unclear}, which is no whole number above 0; list the numbers with --spp-list",
-            picture.path().display()
-        )));
+    let advice = "list the numbers with --spp-list";
+    if let Some(error) = pictures.iter().find_map(|picture| unclear(picture, advice)) {
+        return Err(error);
     }
     let unknown = pictures.iter().find(|picture| samples_in_name(picture.path()).is_none());
     Err(Error::Usage(format!(
@@ -69,6 +62,13 @@ pub(super) fn samples_of_estimates(
          samplesPerPixel nor in its name; list the numbers with --spp-list",
         unknown.unwrap_or(&pictures[0]).path().display()
     )))
+}
+
+/// The error of a picture that says something else than a number of samples; `advice` is what to do.
+fn unclear(picture: &Picture, advice: &str) -> Option<Error> {
+    let (path, unclear) = (picture.path().display(), picture.samples_unclear.as_ref()?);
+    let message = format!("'{path}' says {unclear}, which is no whole number above 0; {advice}");
+    Some(Error::Usage(message))
 }
 
 fn attribute(picture: &Picture) -> Source {
