@@ -2,7 +2,8 @@
 
 `nst guard-table` tells of the reflected layer alone, which a network weighs. This looks at the other one as
 crates/nst-core/src/guard/picture/panel.rs does: `lane` has all that it changes in pixels that emit, the
-denoiser gets the layer by itself, and what it adds to lanes without emission is not believed.
+denoiser gets the layer by itself, and says as well of all light how much more that is than what surfaces
+reflect; what it adds to lanes without emission is not believed.
 """
 
 import tempfile
@@ -28,17 +29,20 @@ def emitted(sequence: Path, table: Table) -> Table | None:
         return None
     plain = stacked(channels)
     unit = np.abs(plain).mean(dtype=np.float64)
-    names = tuple(name for name in table.experts if name != "filter")
-    changes = []
-    for name in names:
-        if name == "lane":
-            change = lane(sequence) - plain
-            change = np.where((emission != 0).any(axis=-1, keepdims=True), change, 0)
-        else:
-            guides = stacked(channels, "albedo"), stacked(channels, "normal", "XYZ")
-            estimate = denoised(emission, *guides, scale=MEAN / unit)
-            change = np.where(estimate > MOST_TIMES * emission, 0, estimate - emission)
-        changes.append(np.moveaxis(change, -1, 0).astype(np.float64))
+    emits = (emission != 0).any(axis=-1, keepdims=True)
+    estimates = {}
+    if "lane" in table.experts:
+        estimates["lane"] = np.where(emits, emission + lane(sequence) - plain, emission)
+    if "oidn" in table.experts:
+        guides = stacked(channels, "albedo"), stacked(channels, "normal", "XYZ")
+        alone, light, reflected = (
+            denoised(colors, *guides, scale=MEAN / unit) for colors in (emission, plain, plain - emission)
+        )
+        of_all_light = np.maximum(light - reflected, 0)
+        for name, estimate in {"oidn": alone, "oidn of all light": of_all_light}.items():
+            estimates[name] = np.where(estimate > MOST_TIMES * emission, emission, estimate)
+    names = tuple(estimates)
+    changes = [np.moveaxis(it - emission, -1, 0).astype(np.float64) for it in estimates.values()]
     seen = np.maximum((emission + np.moveaxis(changes[-1], 0, -1)).mean(axis=-1) / unit, 0)
     knots = table.grid[2]
     places = (np.clip(np.log(seen + FLOOR), LOW, HIGH) - LOW) * (knots - 1) / (HIGH - LOW)

@@ -142,13 +142,14 @@ impl Oidn {
         for (out, mean) in out.iter_mut().zip(grid.inner(mean).iter()) {
             *out = 0.0 * mean;
         }
-        // Where all is black as far as it looks, it is not asked: of emission, that is most rows.
+        // Where all is black as far as it looks, it is not asked.
         let shines = shining_rows(grid, mean);
         let is_lit = |y: &usize| {
             let around = self.reach.around(*y..y + 1, of_grid.clone());
             shines[around.start - first..around.end - first].contains(&true)
         };
-        let lit: Vec<usize> = inner.clone().filter(is_lit).collect();
+        let asked = inner.clone().zip(seen.asked).filter(|(_, asked)| **asked);
+        let lit: Vec<usize> = asked.map(|(y, _)| y).filter(is_lit).collect();
         let (Some(&top), Some(&bottom)) = (lit.first(), lit.last()) else { return Ok(()) };
         let rows = self.reach.around(top..bottom + 1, of_grid);
         let (start, pixels) = ((rows.start - first) * width, rows.len() * width);

@@ -44,7 +44,7 @@ impl<'a> FittedPicture<'a> {
             None
         });
         let learned = [learned.as_ref(), None];
-        let fits = cells.iter().zip([names.len(), panel.names_of_emission().len()]).zip(learned);
+        let fits = cells.iter().zip([names.len(), panel.count_of_emission()]).zip(learned);
         let fits = fits.map(|((cells, count), learned)| Fit::new(cells, count, learned));
         let (mut weights, mut gains, mut is_learned) = (Vec::new(), Vec::new(), false);
         for fit in fits {

@@ -44,7 +44,8 @@ const LEAST_PIXELS: usize = 1024;
 const LEAST_TILES: usize = 16;
 
 impl PictureGuard {
-    /// The most experts that look at neighbours.
+    /// The most experts that look at neighbours; one that estimates emission, too, says that in two
+    /// ways, and there may be half as many of those.
     pub const MOST_EXPERTS: usize = MOST - 1;
 
     /// A guard over these experts and the blend of a guard of lanes. The last expert is also the
@@ -57,6 +58,12 @@ impl PictureGuard {
             let (count, most) = (experts.len(), Self::MOST_EXPERTS);
             let message =
                 format!("{count} experts that look at neighbours; at most {most} can be blended");
+            return Err(Error::Batch(message));
+        }
+        let of_emission = experts.iter().filter(|it| it.estimates_emission()).count();
+        let most = Self::MOST_EXPERTS / 2;
+        if of_emission > most {
+            let message = format!("{of_emission} experts that estimate emission; at most {most}");
             return Err(Error::Batch(message));
         }
         let limit = TimeLimit::default();

@@ -64,6 +64,12 @@ impl Layers {
             mean.chunks_exact(mean.len() / 3).all(|plane| plane[pixel] == 0.0)
         })
     }
+
+    /// Which of the inner rows have a pixel that emits.
+    pub(super) fn rows_that_emit(&self, grid: &Grid) -> Vec<bool> {
+        let rows = grid.inner_rows().map(|row| &self.emits[row * grid.width()..][..grid.width()]);
+        rows.map(|row| row.contains(&true)).collect()
+    }
 }
 
 /// The means of a feature, and their variances.

@@ -35,6 +35,9 @@ pub(super) struct Failure {
     pub(super) error: Error,
 }
 
+/// What experts say of a layer, `[expert][lane]`.
+type Estimates = Vec<Vec<f32>>;
+
 impl Panel<'_> {
     /// The experts of the reflected layer.
     pub(super) fn names(&self) -> Vec<&str> {
@@ -42,11 +45,18 @@ impl Panel<'_> {
         lane.into_iter().chain(self.experts.iter().map(|expert| expert.name())).collect()
     }
 
-    /// Those of the emitted one.
-    pub(super) fn names_of_emission(&self) -> Vec<&str> {
-        let lane = self.blends_lane.then_some(LANE);
-        let experts = self.experts.iter().filter(|expert| expert.estimates_emission());
-        lane.into_iter().chain(experts.map(|expert| expert.name())).collect()
+    /// How many say something of the emitted one. Those that look at neighbours say it in two ways.
+    pub(super) fn count_of_emission(&self) -> usize {
+        usize::from(self.blends_lane) + 2 * self.of_emission().count()
+    }
+
+    /// The experts that look at neighbours and estimate emission, with their numbers.
+    fn of_emission(&self) -> impl Iterator<Item = (usize, &dyn PictureExpert)> {
+        self.numbered().filter(|(_, it)| it.estimates_emission())
+    }
+
+    fn numbered(&self) -> impl Iterator<Item = (usize, &dyn PictureExpert)> {
+        self.experts.iter().copied().enumerate()
     }
 
     /// What the experts change in the inner rows of a strip, in each layer, without a group; with
@@ -59,42 +69,69 @@ impl Panel<'_> {
         } else {
             vec![Vec::new(); layers.parts.len()]
         };
-        let of_layers = strip.missing(group, &layers).into_iter().zip(of_lane).enumerate();
-        let of_layer = |(number, (missing, of_lane))| {
-            let (changes, places) = self.estimate(strip, &layers, number, of_lane)?;
-            Ok(Held { changes, missing, places })
-        };
-        of_layers.map(of_layer).collect()
+        let estimates = self.estimates(strip, &layers)?;
+        let missing = strip.missing(group, &layers);
+        let mut views = Vec::new();
+        for ((missing, mut changes), estimates) in missing.into_iter().zip(of_lane).zip(estimates) {
+            let number = views.len();
+            let mean = &layers.parts[number].mean;
+            for mut estimates in estimates {
+                // Most pixels see no lamp, and nothing is reflected where no surface is.
+                let sees_nothing = |pixel| number == EMITTED || layers.sees_no_surface(pixel);
+                believed_changes(strip.grid, sees_nothing, mean, &mut estimates);
+                changes.push(estimates);
+            }
+            let mean = strip.grid.inner(mean);
+            let places = self.places(&mean, changes.last(), strip.grid.channels());
+            views.push(Held { changes, missing, places });
+        }
+        Ok(views)
     }
 
-    /// What the experts change in a layer, after what the first ones do, and where its brightness
-    /// lies by what the last one says.
-    fn estimate(
+    /// What experts that look at neighbours say of each layer.
+    ///
+    /// Of the emission they say it twice: a lamp alone, on black, is no picture that a denoiser
+    /// knows. It also sees all light and what surfaces reflect of it, and emission is what it says
+    /// of the one more than of the other.
+    fn estimates(&self, strip: &Strip<'_>, layers: &Layers) -> Result<Vec<Estimates>, Failure> {
+        let [reflected, emitted @ ..] = &layers.parts[..] else {
+            unreachable!("surfaces are a layer")
+        };
+        let all = vec![true; strip.grid.inner_rows().len()];
+        let seen = self.seen(strip, layers, reflected, &all);
+        let of_reflected = estimates(self.numbered(), &seen)?;
+        let [emitted] = emitted else { return Ok(vec![of_reflected]) };
+        let asked = layers.rows_that_emit(strip.grid);
+        let mut of_emission =
+            estimates(self.of_emission(), &self.seen(strip, layers, emitted, &asked))?;
+        let mean = reflected.mean.par_iter().zip(&emitted.mean).map(|(a, b)| a + b).collect();
+        let light = Layer { mean, root: emitted.root.clone() };
+        let mut of_light =
+            estimates(self.of_emission(), &self.seen(strip, layers, &light, &asked))?;
+        for ((expert, _), of_light) in self.of_emission().zip(&mut of_light) {
+            let lanes = of_light.par_iter_mut().zip(&of_reflected[expert]);
+            lanes.for_each(|(light, reflected)| {
+                let emitted = *light - reflected;
+                // What is no number stays so.
+                *light = if emitted < 0.0 { 0.0 } else { emitted };
+            });
+        }
+        of_emission.append(&mut of_light);
+        Ok(vec![of_reflected, of_emission])
+    }
+
+    /// What an expert sees of a strip.
+    fn seen<'a>(
         &self,
-        strip: &Strip<'_>,
-        layers: &Layers,
-        number: usize,
-        mut changes: Vec<Vec<f32>>,
-    ) -> Result<(Vec<Vec<f32>>, Vec<Place>), Failure> {
-        let (grid, Layer { mean, root, .. }) = (strip.grid, &layers.parts[number]);
+        strip: &'a Strip<'_>,
+        layers: &'a Layers,
+        Layer { mean, root }: &'a Layer,
+        asked: &'a [bool],
+    ) -> SeenPicture<'a> {
+        let (grid, samples, unit) = (strip.grid, layers.samples, self.unit);
         let [albedo, normal] =
             [&layers.albedo, &layers.normal].map(|it| it.as_ref().map(Feature::seen));
-        let (samples, unit) = (layers.samples, self.unit);
-        let seen = SeenPicture { grid, samples, unit, mean, root, albedo, normal };
-        let mean = grid.inner(mean);
-        for (expert, it) in self.experts.iter().enumerate() {
-            if number == EMITTED && !it.estimates_emission() {
-                continue;
-            }
-            let mut estimates = vec![0.0; mean.len()];
-            it.estimate(&seen, &mut estimates).map_err(|error| Failure { expert, error })?;
-            // Most pixels see no lamp, and nothing is reflected where no surface is.
-            let sees_nothing = |pixel| number == EMITTED || layers.sees_no_surface(pixel);
-            believed_changes(grid, sees_nothing, &layers.parts[number].mean, &mut estimates);
-            changes.push(estimates);
-        }
-        let places = self.places(&mean, changes.last(), grid.channels());
-        Ok((changes, places))
+        SeenPicture { grid, asked, samples, unit, mean, root, albedo, normal }
     }
 
     /// Where the brightness of pixels lies by what an expert changes in a layer.
@@ -116,6 +153,20 @@ impl Panel<'_> {
         });
         places
     }
+}
+
+/// Estimates of the inner rows by experts, with their numbers.
+fn estimates<'a>(
+    experts: impl Iterator<Item = (usize, &'a dyn PictureExpert)>,
+    seen: &SeenPicture<'_>,
+) -> Result<Estimates, Failure> {
+    let lanes = seen.grid.channels() * seen.grid.inner_rows().len() * seen.grid.width();
+    let of_expert = |(expert, it): (usize, &dyn PictureExpert)| {
+        let mut estimates = vec![0.0; lanes];
+        it.estimate(seen, &mut estimates).map_err(|error| Failure { expert, error })?;
+        Ok(estimates)
+    };
+    experts.map(of_expert).collect()
 }
 
 /// Changes of lanes, for each layer: those of pixels that emit belong to the emission.

@@ -6,12 +6,14 @@ use crate::{
 };
 
 /// Means over some of the samples of a picture, or of some of its rows: of what surfaces
-/// reflect, or of the emission that the camera sees directly. Where a group of folds is held out,
-/// nothing of its samples is in any of these numbers.
+/// reflect, of the emission that the camera sees directly, or of both together. Where a group of
+/// folds is held out, nothing of its samples is in any of these numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct SeenPicture<'a> {
     /// Where the lanes lie. Experts read its halo, too, and estimate its inner rows.
     pub grid: &'a Grid,
+    /// Of which of the inner rows estimates are wanted. What is written of the others is not read.
+    pub asked: &'a [bool],
     /// How many samples of each lane.
     pub samples: f64,
     /// The mean of |S| over all lanes of the picture. Above 0.
@@ -46,7 +48,8 @@ pub trait PictureExpert: Send + Sync {
     /// How far it looks.
     fn support(&self) -> Support;
 
-    /// Whether it estimates directly seen emission, too, whose roots are not known.
+    /// Whether it estimates directly seen emission, too: by itself, and as what it says of all
+    /// light more than of what surfaces reflect. Roots are not known of either.
     fn estimates_emission(&self) -> bool {
         false
     }

@@ -507,7 +507,7 @@ impl PictureExpert for Curious<'_> {
         let first = [seen.mean[0], seen.root[0], of(seen.albedo), of(seen.normal)];
         let [mean, root, albedo, normal] = first;
         self.seen.lock().expect("no panic").push([seen.samples as f32, mean, root, albedo, normal]);
-        out.fill(1.0);
+        out.fill(mean * mean);
         Ok(())
     }
 }
@@ -529,20 +529,31 @@ fn nothing_that_is_held_out_is_seen() {
     let fold = |side: fn(u8) -> Side, fold: u8| batch.side(&side(fold)).expect("a fold")[0];
     for group in 0..FOLDS as u8 {
         seen.lock().expect("no panic").clear();
-        assert!(panel.look(&strip, group.into()).is_ok());
+        let Ok(held) = panel.look(&strip, group.into()) else { panic!("nothing fails") };
         let mean = |side: fn(u8) -> Side| {
             let others = (0..FOLDS as u8).filter(|it| *it != group).map(|it| fold(side, it));
             others.sum::<f32>() / 3.0
         };
-        let [reflected, emitted] = seen.lock().expect("no panic")[..] else { panic!("two layers") };
+        let seen = seen.lock().expect("no panic");
+        let [reflected, emitted, light] = seen[..] else { panic!("two layers, and both") };
         let near = |a: f32, b: f32| (a - b).abs() < 1e-6;
-        assert_eq!((reflected[0], emitted[0]), (6.0, 6.0));
+        assert!(seen.iter().all(|it| it[0] == 6.0));
+        assert!(near(light[1], mean(Side::Fold)), "{group}");
         assert!(near(emitted[1], mean(Side::EmissionFold)), "{group}");
         assert!(near(reflected[1], mean(Side::Fold) - mean(Side::EmissionFold)), "{group}");
         // Its roots are not known where a pixel emits.
-        assert!(reflected[2].is_nan() && emitted[2].is_nan());
+        assert!(seen.iter().all(|it| it[2].is_nan()));
         assert!(near(reflected[3], mean(Side::AlbedoFold)), "{group}");
         assert!(near(reflected[4], mean(Side::NormalFold)), "{group}");
+        // Of emission it says its square; then, by how much the square of all light is more than
+        // that of what is reflected.
+        let emission = emitted[1];
+        let squares = [emission * emission, light[1] * light[1] - reflected[1] * reflected[1]];
+        let changes = [0, 1].map(|way: usize| held[layers::EMITTED].changes[way][0]);
+        for (change, square) in changes.into_iter().zip(squares) {
+            assert!((change - (square - emission)).abs() < 1e-5, "{group} {changes:?} {squares:?}");
+        }
+        assert!((changes[1] - changes[0]).abs() > 1e-3, "{changes:?}");
     }
 }
 

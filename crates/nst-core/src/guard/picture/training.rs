@@ -83,7 +83,7 @@ impl TrainingTable {
         let mut rest = Array3::from_shape_vec((channels, height, width), batch.last().to_vec())
             .expect("the lanes of a picture");
         if let (Some(held), Some(cells)) = (layers.get(EMITTED), cells.get(EMITTED)) {
-            let fit = Fit::new(cells, panel.names_of_emission().len(), None);
+            let fit = Fit::new(cells, panel.count_of_emission(), None);
             for ((channel, y, x), value) in rest.indexed_iter_mut() {
                 let (w, _) = fit.weights.at(x, y, held.places[y * width + x]);
                 let lane = (channel * height + y) * width + x;
