@@ -450,6 +450,8 @@ fn packs() {
     let whole = std::fs::read(bench.path("r1.exr")).expect("a picture");
     bench.write("cut.exr", &whole[..whole.len() - 100]);
     bench.write("text.exr", "this is no image");
+    bench.write("empty.exr", "");
+    bench.write("start.exr", &whole[..100]);
     let mut bare = OutputFile::create(&bench.path("bare.exr")).expect("a new file");
     let layers: [(&str, &[f32]); 1] = [("", &[0.5; 3 * 64])];
     write_exr(&mut bare, [8, 8], ColorModel::Rgb, &layers, &PictureInfo::default())
@@ -458,7 +460,7 @@ fn packs() {
     std::fs::copy(bench.path("s5.exr"), bench.path("seq.exr")).expect("a copy");
     std::fs::copy(bench.path("s1.exr"), bench.path("again.exr")).expect("a copy");
     let precious = Precious::of(&bench, "seq.exr");
-    let cases: [(&str, i32, &[&str]); 26] = [
+    let cases: [(&str, i32, &[&str]); 28] = [
         ("bare.exr", 2, &["bare.exr", "samplesPerPixel", "--spp"]),
         ("--as samples", 2, &["EXR"]),
         ("r1.exr --as pictures", 2, &["pictures", "samples", "estimates", "runs"]),
@@ -473,7 +475,9 @@ fn packs() {
         ("s1.exr s5.exr --as samples", 1, &["s1.exr", "s5.exr", "8", "9"]),
         ("r1.exr r4.exr --as samples --spp 8", 1, &["r4.exr", "8x9", "r1.exr", "8x8"]),
         ("r1.exr gone.exr --as samples --spp 8", 1, &["gone.exr", "read"]),
-        ("r1.exr text.exr --as samples --spp 8", 1, &["text.exr", "EXR"]),
+        ("r1.exr text.exr --as samples --spp 8", 1, &["'text.exr': not an EXR file"]),
+        ("r1.exr empty.exr --as samples --spp 8", 1, &["'empty.exr': the file is empty"]),
+        ("r1.exr start.exr --as samples --spp 8", 1, &["'start.exr': not a readable", "cut off"]),
         ("r1.exr cut.exr --as samples --spp 8", 1, &["cut.exr"]),
         ("r1.exr r2.exr r1.exr --as samples --spp 8", 1, &["r1.exr", "same pixels", "seeds"]),
         ("r1.exr r2.exr --as samples --spp 4294967295", 1, &["too many"]),

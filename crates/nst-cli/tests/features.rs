@@ -138,10 +138,14 @@ fn merged_features_are_means() {
         assert!(!differs([1.0 / 3.0; 3]), "{side}");
         assert!(differs([0.25, 0.25, 0.5]), "{side}: these are not the files' weights");
     }
-    let output = bench.nst("merge s1.exr plain.exr -o new.exr");
-    let stderr = String::from_utf8(output.stderr).expect("UTF-8");
-    assert_eq!(output.status.code(), Some(1), "{stderr}");
-    assert!(stderr.contains("plain.exr") && stderr.contains("side channels"), "{stderr}");
+    for (files, verb) in [("s1.exr plain.exr", "lacks"), ("plain.exr s1.exr", "has")] {
+        let output = bench.nst(&format!("merge {files} -o new.exr"));
+        let stderr = String::from_utf8(output.stderr).expect("UTF-8");
+        assert_eq!(output.status.code(), Some(1), "{stderr}");
+        let second = files.split_once(' ').expect("two files").1;
+        let said = format!("'{second}': it {verb} the side channels 'albedo, normal");
+        assert!(stderr.contains(&said) && stderr.contains("--features"), "{stderr}");
+    }
 }
 
 /// Writes a picture of 6×5 pixels with these channels, each of one value everywhere but where the

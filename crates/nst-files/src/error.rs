@@ -1,8 +1,15 @@
 //! The errors of this crate.
 
-use std::path::{Path, PathBuf};
+use std::{
+    fs::File,
+    io::Read,
+    path::{Path, PathBuf},
+};
 
 use thiserror::Error;
+
+/// The first bytes of every EXR file: 20000630, little-endian.
+pub(crate) const EXR_START: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
 /// What can go wrong with files. The messages name the file.
 #[derive(Debug, Error)]
@@ -60,10 +67,21 @@ impl Error {
         match error {
             exr::error::Error::Io(error) => Self::io(action, path, error),
             error if action == "read" => {
-                Self::malformed(path, format!("not a readable EXR file: {error}"))
+                Self::malformed(path, unreadable(path, &error.to_string()))
             }
             error => Self::malformed(path, error.to_string()),
         }
+    }
+}
+
+/// Why a file cannot be read as EXR; `why` is what its reader says.
+fn unreadable(path: &Path, why: &str) -> String {
+    let mut start = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(4).read_to_end(&mut start));
+    match (read, &start[..]) {
+        (Ok(0), _) => "the file is empty".to_owned(),
+        (Ok(_), start) if start != EXR_START => "not an EXR file".to_owned(),
+        _ => format!("not a readable EXR file, or cut off: {why}"),
     }
 }
 

@@ -14,10 +14,10 @@ use exr::{
 };
 
 pub use crate::window::Window;
-use crate::{Error, blender::combined, limits::MOST_DEFLATED, rows::text, window::check_not_empty};
-
-/// The first bytes of every EXR file: 20000630, little-endian.
-const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+use crate::{
+    Error, blender::combined, error::EXR_START, limits::MOST_DEFLATED, rows::text,
+    window::check_not_empty,
+};
 
 /// The most samples that a byte of a file may decode to; a header that promises more is
 /// malformed. DWA stores a block of 8 by 8 equal samples in two bytes, and deflates these.
@@ -95,7 +95,7 @@ pub fn is_exr(path: &Path) -> Result<bool, Error> {
     let failed = |error| Error::io("read", path, error);
     let mut start = Vec::new();
     File::open(path).map_err(failed)?.take(4).read_to_end(&mut start).map_err(failed)?;
-    Ok(start == MAGIC)
+    Ok(start == EXR_START)
 }
 
 impl ExrHeader {

@@ -194,13 +194,7 @@ fn check_alike((first_path, first): Named<'_>, (path, info): Named<'_>) -> Resul
     if info.sampler != first.sampler {
         return differ("sampler (nst.sampler)", &quoted(&info.sampler), &quoted(&first.sampler));
     }
-    if required(info) != required(first) {
-        let names = |info: &SequenceInfo| {
-            let names: Vec<_> = required(info).iter().map(ToString::to_string).collect();
-            quoted(&names.join(", "))
-        };
-        return differ("list of side channels", &names(info), &names(first));
-    }
+    check_sides((first_path, first), (path, info))?;
     // Each term needs the same number of samples of every seed.
     let same = info.sample_counts.len() == first.sample_counts.len()
         && info.sample_counts.iter().zip(&first.sample_counts).all(|(&here, &there)| {
@@ -214,6 +208,32 @@ fn check_alike((first_path, first): Named<'_>, (path, info): Named<'_>) -> Resul
         return differ("list of terms (nst.terms)", &terms(info), &terms(first));
     }
     Ok(())
+}
+
+/// Fails if one file has side channels that the other lacks.
+fn check_sides((first_path, first): Named<'_>, (path, info): Named<'_>) -> Result<(), Error> {
+    let (here, there) = (required(info), required(first));
+    let lacking = |all: &[&Side], some: &[&Side]| -> Vec<Side> {
+        all.iter().filter(|side| !some.contains(side)).map(|side| (*side).clone()).collect()
+    };
+    let (missing, further) = (lacking(&there, &here), lacking(&here, &there));
+    let (verb, sides) = match (&missing[..], &further[..]) {
+        ([], []) => return Ok(()),
+        ([], further) => ("has", further),
+        (missing, _) => ("lacks", missing),
+    };
+    let names: Vec<_> = sides.iter().map(ToString::to_string).collect();
+    let advice = match sides.iter().any(Side::is_feature) {
+        true => "; 'nst render --features' stores features, whatever the transformation",
+        false => "",
+    };
+    let message = format!(
+        "it {verb} the side channels '{}', unlike '{}'; only sequences that agree in them can be \
+         merged{advice}",
+        names.join(", "),
+        first_path.display()
+    );
+    Err(Error::malformed(path, message))
 }
 
 fn check_mergeable((path, info): Named<'_>) -> Result<(), Error> {

@@ -136,7 +136,8 @@ impl Resumed {
     ) -> Result<(), Error> {
         if fingerprint != self.info.scene {
             return Err(self.refuse(&format!(
-                "its scene is '{}', but '{}' is '{fingerprint}'; give the scene as it was",
+                "its scene is '{}', but '{}' is '{fingerprint}'; give the scene, \
+                 its camera and its light as they were",
                 self.info.scene,
                 args.scene.display()
             )));
