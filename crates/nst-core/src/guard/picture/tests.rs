@@ -4,7 +4,7 @@ use std::{borrow::Cow, sync::Mutex, time::Duration};
 
 use ndarray::Array2;
 
-use super::*;
+use super::{super::sample::GROUPS, *};
 use crate::{
     Error, Estimates, FOLDS, Grid, GuardNetwork, LaneSums, Layer, Metadata, SequenceBatch, Side,
     Status, Strips, Support, Transform, WelchFilter, Whole, guard::Guard, random::SplitMix64,
@@ -555,6 +555,58 @@ fn nothing_that_is_held_out_is_seen() {
         }
         assert!((changes[1] - changes[0]).abs() > 1e-3, "{changes:?}");
     }
+}
+
+/// Remembers which rows it is asked for.
+struct Asked<'a>(&'a Mutex<Vec<Vec<bool>>>);
+
+impl PictureExpert for Asked<'_> {
+    fn name(&self) -> &str {
+        "asked"
+    }
+
+    fn support(&self) -> Support {
+        Support::Radius(1)
+    }
+
+    fn estimates_emission(&self) -> bool {
+        true
+    }
+
+    fn estimate(&self, seen: &SeenPicture<'_>, _: &mut [f32]) -> Result<(), Error> {
+        self.0.lock().expect("no panic").push(seen.asked.to_vec());
+        Ok(())
+    }
+}
+
+#[test]
+fn emission_is_asked_for_where_there_is_any() {
+    // One pixel of 37 emits, and a row has fewer.
+    let batch = with_features(picture(Grid::new(16, 24, 3, 0).expect("a grid"), 8, 5));
+    let asked = Mutex::new(Vec::new());
+    let expert = Asked(&asked);
+    let lane = guard_of_lanes(&batch);
+    let (counts, experts) = ([2.0; FOLDS], vec![&expert as &dyn PictureExpert]);
+    let panel = panel::Panel { lane, blends_lane: false, experts, counts, unit: 1.0 };
+    // Rows 5 to 14, with a halo.
+    let mut strips = Cut { batch: &batch, step: 10, next: 5, halo: 2 };
+    let strip = strips.next_strip().expect("nothing fails").expect("a strip");
+    let strip = layers::Strip::new(&strip).expect("it has folds");
+    assert!(panel.look(&strip, GROUPS).is_ok());
+    let emits = |row: usize| (16 * row..16 * (row + 1)).any(|pixel| pixel % 37 == 0);
+    let emitting: Vec<bool> = (5..15).map(emits).collect();
+    assert!(emitting.contains(&true) && emitting.contains(&false));
+    assert_eq!(*asked.lock().expect("no panic"), [vec![true; 10], emitting.clone(), emitting]);
+}
+
+#[test]
+fn too_many_experts_are_refused() {
+    let vertical = |_| Box::new(Vertical) as Box<dyn PictureExpert>;
+    let of = |experts: Vec<_>| PictureGuard::new(Guard::default(), experts).map(|_| ());
+    let said = |experts| of(experts).expect_err("too many").to_string();
+    assert!(of(vec![vertical(0)]).is_ok() && of((0..3).map(|_| nearly()).collect()).is_ok());
+    assert!(said((0..4).map(|_| nearly()).collect()).contains("4 experts that look at neighbours"));
+    assert!(said((0..2).map(vertical).collect()).contains("2 experts that estimate emission"));
 }
 
 /// What the guard of lanes makes of a picture.
