@@ -225,14 +225,16 @@ def means(errors: Errors, method: str, to: tuple[str, ...], spp: int | None = No
 
 
 def summary(errors: Errors) -> list[str]:
-    """Geometric means, and the share of ln(T/S) that the guards reach."""
-    heads = ["experts", "weights", "T/min(S, OIDN)", "the best for relMSE"]
-    heads += [f"of this gain, the {name} has" for name in GUARD_NAMES.values()]
+    """Geometric means, the largest, and the share of ln(T/S) that the guards reach."""
+    heads = ["experts", "weights", "T/min(S, OIDN)", "the best for relMSE", "the largest", "T/S at 32 spp"]
+    heads += [f"of the gain, the {name} has" for name in GUARD_NAMES.values()]
     lines = [cells(heads), "|---" * len(heads) + "|"]
     for experts in LISTS:
         for guard, name in GUARD_NAMES.items():
-            found = both(means(errors, f"{guard} {experts}", (PLAIN, OIDN)))
-            lines.append(cells([f"`{experts}`", name, found, *("–" for _ in heads[3:])]))
+            method = f"{guard} {experts}"
+            found = both(means(errors, method, (PLAIN, OIDN)))
+            row = [f"`{experts}`", name, found, "–", *of_each(errors, [method] * len(METRICS))]
+            lines.append(cells([*row, *("–" for _ in GUARD_NAMES)]))
         for kind, name in KINDS.items():
             of = [f"{kind} {metric} {experts}" for metric in METRICS]
             found = [both(means(errors, method, (PLAIN, OIDN))) for method in of]
@@ -242,8 +244,15 @@ def summary(errors: Errors) -> list[str]:
                 )
                 for guard in GUARD_NAMES
             ]
-            lines.append(cells([f"`{experts}`", name, *found, *shares]))
+            lines.append(cells([f"`{experts}`", name, *found, *of_each(errors, of), *shares]))
     return lines
+
+
+def of_each(errors: Errors, methods: list[str]) -> list[str]:
+    """The largest T/min(S, OIDN), and the mean T/S at 32 spp, with a method for each metric."""
+    largest = [max(ratios(errors, method, (PLAIN, OIDN))[m]) for m, method in enumerate(methods)]
+    at_32 = [means(errors, method, (PLAIN,), 32)[m] for m, method in enumerate(methods)]
+    return [both(largest), both(at_32)]
 
 
 def share(errors: Errors, guard: str, oracles: list[str], metric: int) -> float:

@@ -39,7 +39,8 @@ def emitted(sequence: Path, table: Table) -> Table | None:
             denoised(colors, *guides, scale=MEAN / unit) for colors in (emission, plain, plain - emission)
         )
         of_all_light = np.maximum(light - reflected, 0)
-        for name, estimate in {"oidn": alone, "oidn of all light": of_all_light}.items():
+        # The filter says nothing of emission, and has a place that is free.
+        for name, estimate in {"filter": alone, "oidn": of_all_light}.items():
             estimates[name] = np.where(estimate > MOST_TIMES * emission, emission, estimate)
     names = tuple(estimates)
     changes = [np.moveaxis(it - emission, -1, 0).astype(np.float64) for it in estimates.values()]
