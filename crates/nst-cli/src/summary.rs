@@ -18,6 +18,8 @@ use crate::{
 /// The times and counts of a job.
 #[derive(Debug, Serialize)]
 pub(crate) struct Summary {
+    /// Of a rendering, in the files: fewer than asked for where it was stopped early.
+    samples_per_pixel: Option<u32>,
     render_seconds: Option<f64>,
     /// Part of `render_seconds`.
     build_seconds: Option<f64>,
@@ -101,6 +103,8 @@ pub(crate) fn weighed_by(judgement: &Judgement) -> &'static str {
 
 /// A rendering's part of the summary.
 pub(crate) struct RenderStats {
+    /// Per pixel, those of a rendering that was continued included.
+    pub(crate) samples: u32,
     pub(crate) time: Duration,
     pub(crate) build_time: Duration,
     pub(crate) paths: u64,
@@ -135,6 +139,7 @@ impl Stopwatch {
         let experts = judgement.into_iter().flat_map(|it| it.experts.iter().cloned());
         let rate = |render: &RenderStats| render.paths as f64 / render.time.as_secs_f64();
         Summary {
+            samples_per_pixel: render.as_ref().map(|render| render.samples),
             render_seconds: render.as_ref().map(|render| render.time.as_secs_f64()),
             build_seconds: render.as_ref().map(|render| render.build_time.as_secs_f64()),
             transform_seconds: self.transform.as_secs_f64(),

@@ -63,6 +63,7 @@ fn json_has_the_names_that_programs_read() {
     ));
     let json: serde_json::Value = serde_json::from_str(&said).expect("one JSON object");
     let names = [
+        "samples_per_pixel",
         "render_seconds",
         "transform_seconds",
         "io_seconds",
@@ -79,6 +80,7 @@ fn json_has_the_names_that_programs_read() {
         assert!(json.get(name).is_some(), "{name} is not in {said}");
     }
     assert_eq!(json["lanes"], 8 * 8 * 3);
+    assert_eq!(json["samples_per_pixel"], 8);
     assert_eq!(json["transform"], "auto");
     let said = bench.succeed("transform seq.exr --json --backend cpu");
     let json: serde_json::Value = serde_json::from_str(&said).expect("one JSON object");

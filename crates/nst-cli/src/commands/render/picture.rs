@@ -177,6 +177,7 @@ impl Job<'_> {
         })?;
 
         let stats = RenderStats {
+            samples,
             time: rendering.time,
             build_time: rendering.build_time,
             paths: paths(scene, samples - done),
