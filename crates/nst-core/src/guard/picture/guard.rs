@@ -16,7 +16,7 @@ use super::{
     layers::{FEATURES, Strip},
     learned::GuardMlp,
     odd::Odd,
-    panel::{Failure, Panel},
+    panel::{Failure, Panel, WAYS},
     seen::PictureExpert,
     simplex::MOST,
     training::TrainingTable,
@@ -61,7 +61,7 @@ impl PictureGuard {
             return Err(Error::Batch(message));
         }
         let of_emission = experts.iter().filter(|it| it.estimates_emission()).count();
-        let most = Self::MOST_EXPERTS / 2;
+        let most = Self::MOST_EXPERTS / WAYS;
         if of_emission > most {
             let message = format!("{of_emission} experts that estimate emission; at most {most}");
             return Err(Error::Batch(message));

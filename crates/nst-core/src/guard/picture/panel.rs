@@ -6,13 +6,16 @@ use super::{
     super::{hats::Place, lanes::FittedGuard, logarithm::ln, sample::CHUNK},
     cells::{BRIGHTNESS, Held},
     changes::believed_changes,
-    layers::{EMITTED, Feature, Layer, Layers, Strip},
+    layers::{EMITTED, Feature, Layers, Strip},
     seen::{PictureExpert, SeenPicture},
 };
 use crate::{Error, FOLDS};
 
 /// What the blend of the guard of lanes is called.
 const LANE: &str = "lane";
+
+/// In how many ways an expert that looks at neighbours estimates emission, if it does.
+pub(super) const WAYS: usize = 2;
 
 /// Below this brightness, relative to the mean of the picture, all is alike.
 const FLOOR: f32 = 0.01;
@@ -45,9 +48,9 @@ impl Panel<'_> {
         lane.into_iter().chain(self.experts.iter().map(|expert| expert.name())).collect()
     }
 
-    /// How many say something of the emitted one. Those that look at neighbours say it in two ways.
+    /// How many estimates there are of the emitted one.
     pub(super) fn count_of_emission(&self) -> usize {
-        usize::from(self.blends_lane) + 2 * self.of_emission().count()
+        usize::from(self.blends_lane) + WAYS * self.of_emission().count()
     }
 
     /// The experts that look at neighbours and estimate emission, with their numbers.
@@ -90,24 +93,28 @@ impl Panel<'_> {
 
     /// What experts that look at neighbours say of each layer.
     ///
-    /// Of the emission they say it twice: a lamp alone, on black, is no picture that a denoiser
-    /// knows. It also sees all light and what surfaces reflect of it, and emission is what it says
-    /// of the one more than of the other.
+    /// Of the emission they say it in two ways: a lamp alone, on black, is no picture that a
+    /// denoiser knows. It also sees all light and what surfaces reflect of it, and emission is what
+    /// it says of the one more than of the other.
     fn estimates(&self, strip: &Strip<'_>, layers: &Layers) -> Result<Vec<Estimates>, Failure> {
         let [reflected, emitted @ ..] = &layers.parts[..] else {
             unreachable!("surfaces are a layer")
         };
         let all = vec![true; strip.grid.inner_rows().len()];
-        let seen = self.seen(strip, layers, reflected, &all);
+        let seen = self.seen(strip, layers, (&reflected.mean, &reflected.root), &all);
         let of_reflected = estimates(self.numbered(), &seen)?;
         let [emitted] = emitted else { return Ok(vec![of_reflected]) };
         let asked = layers.rows_that_emit(strip.grid);
-        let mut of_emission =
-            estimates(self.of_emission(), &self.seen(strip, layers, emitted, &asked))?;
-        let mean = reflected.mean.par_iter().zip(&emitted.mean).map(|(a, b)| a + b).collect();
-        let light = Layer { mean, root: emitted.root.clone() };
-        let mut of_light =
-            estimates(self.of_emission(), &self.seen(strip, layers, &light, &asked))?;
+        let mut of_emission = estimates(
+            self.of_emission(),
+            &self.seen(strip, layers, (&emitted.mean, &emitted.root), &asked),
+        )?;
+        let light: Vec<f32> =
+            reflected.mean.par_iter().zip(&emitted.mean).map(|(a, b)| a + b).collect();
+        let mut of_light = estimates(
+            self.of_emission(),
+            &self.seen(strip, layers, (&light, &emitted.root), &asked),
+        )?;
         for ((expert, _), of_light) in self.of_emission().zip(&mut of_light) {
             let lanes = of_light.par_iter_mut().zip(&of_reflected[expert]);
             lanes.for_each(|(light, reflected)| {
@@ -125,7 +132,7 @@ impl Panel<'_> {
         &self,
         strip: &'a Strip<'_>,
         layers: &'a Layers,
-        Layer { mean, root }: &'a Layer,
+        (mean, root): (&'a [f32], &'a [f32]),
         asked: &'a [bool],
     ) -> SeenPicture<'a> {
         let (grid, samples, unit) = (strip.grid, layers.samples, self.unit);

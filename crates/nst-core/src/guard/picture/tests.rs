@@ -484,14 +484,12 @@ fn a_training_table_says_what_the_guard_does() {
 /// What an expert has seen: how many samples, and the first mean, root, albedo and normal.
 type Seen = [f32; 5];
 
-/// Remembers what it sees.
-struct Curious<'a> {
-    seen: &'a Mutex<Vec<Seen>>,
-}
+/// An expert that estimates emission, too, as a test says.
+struct Watched<F>(F);
 
-impl PictureExpert for Curious<'_> {
+impl<F: Fn(&SeenPicture<'_>, &mut [f32]) + Send + Sync> PictureExpert for Watched<F> {
     fn name(&self) -> &str {
-        "curious"
+        "watched"
     }
 
     fn support(&self) -> Support {
@@ -503,28 +501,29 @@ impl PictureExpert for Curious<'_> {
     }
 
     fn estimate(&self, seen: &SeenPicture<'_>, out: &mut [f32]) -> Result<(), Error> {
-        let of = |feature: Option<SeenFeature<'_>>| feature.map_or(f32::NAN, |it| it.mean[0]);
-        let first = [seen.mean[0], seen.root[0], of(seen.albedo), of(seen.normal)];
-        let [mean, root, albedo, normal] = first;
-        self.seen.lock().expect("no panic").push([seen.samples as f32, mean, root, albedo, normal]);
-        out.fill(mean * mean);
+        (self.0)(seen, out);
         Ok(())
     }
+}
+
+/// A panel of one expert.
+fn panel_of<'a>(batch: &SequenceBatch, expert: &'a dyn PictureExpert) -> panel::Panel<'a> {
+    let (lane, experts) = (guard_of_lanes(batch), vec![expert]);
+    panel::Panel { lane, blends_lane: false, experts, counts: [2.0; FOLDS], unit: 1.0 }
 }
 
 #[test]
 fn nothing_that_is_held_out_is_seen() {
     // Pixel 0 emits.
     let batch = with_features(picture(grid(3), 8, 5));
-    let seen = Mutex::new(Vec::new());
-    let curious = Curious { seen: &seen };
-    let panel = panel::Panel {
-        lane: guard_of_lanes(&batch),
-        blends_lane: false,
-        experts: vec![&curious],
-        counts: [2.0; FOLDS],
-        unit: 1.0,
-    };
+    let seen: Mutex<Vec<Seen>> = Mutex::default();
+    let expert = Watched(|it: &SeenPicture<'_>, out: &mut [f32]| {
+        let of = |feature: Option<SeenFeature<'_>>| feature.map_or(f32::NAN, |it| it.mean[0]);
+        let [mean, root, albedo, normal] = [it.mean[0], it.root[0], of(it.albedo), of(it.normal)];
+        seen.lock().expect("no panic").push([it.samples as f32, mean, root, albedo, normal]);
+        out.fill(mean * mean);
+    });
+    let panel = panel_of(&batch, &expert);
     let strip = layers::Strip::new(&batch).expect("it has folds");
     let fold = |side: fn(u8) -> Side, fold: u8| batch.side(&side(fold)).expect("a fold")[0];
     for group in 0..FOLDS as u8 {
@@ -557,37 +556,15 @@ fn nothing_that_is_held_out_is_seen() {
     }
 }
 
-/// Remembers which rows it is asked for.
-struct Asked<'a>(&'a Mutex<Vec<Vec<bool>>>);
-
-impl PictureExpert for Asked<'_> {
-    fn name(&self) -> &str {
-        "asked"
-    }
-
-    fn support(&self) -> Support {
-        Support::Radius(1)
-    }
-
-    fn estimates_emission(&self) -> bool {
-        true
-    }
-
-    fn estimate(&self, seen: &SeenPicture<'_>, _: &mut [f32]) -> Result<(), Error> {
-        self.0.lock().expect("no panic").push(seen.asked.to_vec());
-        Ok(())
-    }
-}
-
 #[test]
 fn emission_is_asked_for_where_there_is_any() {
     // One pixel of 37 emits, and a row has fewer.
     let batch = with_features(picture(Grid::new(16, 24, 3, 0).expect("a grid"), 8, 5));
     let asked = Mutex::new(Vec::new());
-    let expert = Asked(&asked);
-    let lane = guard_of_lanes(&batch);
-    let (counts, experts) = ([2.0; FOLDS], vec![&expert as &dyn PictureExpert]);
-    let panel = panel::Panel { lane, blends_lane: false, experts, counts, unit: 1.0 };
+    let expert = Watched(|seen: &SeenPicture<'_>, _: &mut [f32]| {
+        asked.lock().expect("no panic").push(seen.asked.to_vec());
+    });
+    let panel = panel_of(&batch, &expert);
     // Rows 5 to 14, with a halo.
     let mut strips = Cut { batch: &batch, step: 10, next: 5, halo: 2 };
     let strip = strips.next_strip().expect("nothing fails").expect("a strip");
