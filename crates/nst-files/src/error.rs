@@ -1,15 +1,10 @@
 //! The errors of this crate.
 
-use std::{
-    fs::File,
-    io::Read,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-/// The first bytes of every EXR file: 20000630, little-endian.
-pub(crate) const EXR_START: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+use crate::magic;
 
 /// What can go wrong with files. The messages name the file.
 #[derive(Debug, Error)]
@@ -76,11 +71,9 @@ impl Error {
 
 /// Why a file cannot be read as EXR; `why` is what its reader says.
 fn unreadable(path: &Path, why: &str) -> String {
-    let mut start = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(4).read_to_end(&mut start));
-    match (read, &start[..]) {
-        (Ok(0), _) => "the file is empty".to_owned(),
-        (Ok(_), start) if start != EXR_START => "not an EXR file".to_owned(),
+    match magic::start(path).as_deref() {
+        Ok([]) => "the file is empty".to_owned(),
+        Ok(start) if start != magic::EXR => "not an EXR file".to_owned(),
         _ => format!("not a readable EXR file, or cut off: {why}"),
     }
 }

@@ -1,11 +1,6 @@
 //! What an EXR file of any program contains, read from its headers alone.
 
-use std::{
-    collections::BTreeMap,
-    fs::File,
-    io::{BufReader, Read},
-    path::Path,
-};
+use std::{collections::BTreeMap, fs::File, io::BufReader, path::Path};
 
 use exr::{
     block::{self, reader::Reader},
@@ -15,8 +10,7 @@ use exr::{
 
 pub use crate::window::Window;
 use crate::{
-    Error, blender::combined, error::EXR_START, limits::MOST_DEFLATED, rows::text,
-    window::check_not_empty,
+    Error, blender::combined, limits::MOST_DEFLATED, magic, rows::text, window::check_not_empty,
 };
 
 /// The most samples that a byte of a file may decode to; a header that promises more is
@@ -92,10 +86,8 @@ pub(crate) fn title(layer: &str) -> &str {
 /// # Errors
 /// [`Error::Io`] if it cannot be read.
 pub fn is_exr(path: &Path) -> Result<bool, Error> {
-    let failed = |error| Error::io("read", path, error);
-    let mut start = Vec::new();
-    File::open(path).map_err(failed)?.take(4).read_to_end(&mut start).map_err(failed)?;
-    Ok(start == EXR_START)
+    let start = magic::start(path).map_err(|error| Error::io("read", path, error))?;
+    Ok(start == magic::EXR)
 }
 
 impl ExrHeader {

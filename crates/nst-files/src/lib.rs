@@ -19,6 +19,7 @@ pub mod guard_table;
 pub mod header;
 mod layers;
 mod limits;
+mod magic;
 pub mod merge;
 mod output_file;
 mod outputs;
